@@ -1,0 +1,233 @@
+"""Every tunable of the program, each defined once.
+
+A setting is a field of `Settings` annotated with a `Knob`. The command-line flag, the slider, the preset
+key, the range check, the tooltip and docs/settings.md are all made from that one line: the field
+`start_level` is the flag `--start-level` and the TOML key `start_level`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import tomllib
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Iterator, Literal
+
+from ssil_viewer.errors import UserError
+
+Affects = Literal["display", "history", "resources"]
+
+
+@dataclass(frozen=True)
+class Knob:
+    """What a setting means and how it may be turned.
+
+    Attributes:
+        help: One or two sentences: the effect, then what it costs.
+        low, high: Inclusive range of numbers; None where the type has none.
+        unit: Physical or image unit, empty for plain numbers.
+        log: Whether a slider should be logarithmic.
+        affects: What a change invalidates: "display" nothing, "history" the temporal history,
+            "resources" the render targets (and with them the history).
+        group: Heading under which the setting is shown.
+        flag: Command-line spelling where it is not the field's name.
+    """
+
+    help: str
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    log: bool = False
+    affects: Affects = "history"
+    group: str = "Gather"
+    flag: str = ""
+
+
+@dataclass(frozen=True)
+class KnobInfo:
+    """A setting as the command line, the GUI and the documentation see it.
+
+    Attributes:
+        name: Field of `Settings` and preset key.
+        type: int, float, bool or str.
+        choices: Allowed strings, empty for other types.
+        default: Value in `Settings()`.
+    """
+
+    name: str
+    type: type
+    choices: tuple[str, ...]
+    default: Any
+    knob: Knob
+
+    @property
+    def flag(self) -> str:
+        """The command-line flag, with its leading dashes."""
+        return "--" + (self.knob.flag or self.name.replace("_", "-"))
+
+    def check(self, value: Any) -> Any:
+        """The value in the setting's own type, or UserError when it does not fit.
+
+        Numbers are never clamped: what the user asked for either happens or is refused.
+        """
+        if self.type is bool:
+            if not isinstance(value, bool):
+                raise self._misfit(value, "true or false")
+            return value
+        if self.type is str:
+            if value not in self.choices:
+                near = difflib.get_close_matches(str(value), self.choices, 1)
+                hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(self.choices)
+                raise UserError(f"{self.name} cannot be {str(value)!r}", self.flag, hint)
+            return value
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self._misfit(value, f"a number from {self.knob.low:g} to {self.knob.high:g}")
+        if self.type is int and value != int(value):
+            raise self._misfit(value, "a whole number")
+        if not self.knob.low <= value <= self.knob.high:
+            raise self._misfit(value, f"a value from {self.knob.low:g} to {self.knob.high:g}")
+        return self.type(value)
+
+    def _misfit(self, value: Any, wanted: str) -> UserError:
+        return UserError(f"{self.name} cannot be {value!r}", self.flag, f"give {wanted}")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The tunables of the renderer. Immutable: a change is a new object (`dataclasses.replace`).
+
+    Raises:
+        UserError: A value is out of range, names its flag.
+    """
+
+    start_level: Annotated[int, Knob(
+        "Mip level where the gather starts: 0 full, 1 half, 2 quarter resolution. "
+        "One level lower costs four times as much.",
+        0, 6, affects="resources")] = 2
+    levels: Annotated[int, Knob(
+        "Number of levels gathered. Each doubles the reach on screen and costs a quarter of the one before.",
+        1, 8, affects="resources")] = 4
+    samples: Annotated[int, Knob(
+        "Samples per pixel and level. Noise falls with its square root, cost grows in proportion.",
+        1, 1024, log=True)] = 64
+    radius: Annotated[float, Knob(
+        "Radius of the disc and of the rings at every level, in texels of a 720-line image. "
+        "The reach is radius * 2^(start level + levels - 1) pixels; a wide disc is noisier close by.",
+        1.0, 256.0, "texels", log=True)] = 48.0
+    form_factor: Annotated[Literal["disc", "point"], Knob(
+        "disc: point-to-disc form factor, finite at contact. point: the plain one, which explodes there; "
+        "for comparison.")] = "disc"
+    visibility: Annotated[Literal["off"], Knob(
+        "Whether geometry between sender and receiver blocks light.")] = "off"
+    bounces: Annotated[int, Knob(
+        "Indirect bounces; 0 shows direct light only and skips the indirect passes.", 0, 1)] = 1
+    mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
+        "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
+        "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"
+    upsampling: Annotated[Literal["bilateral", "nearest"], Knob(
+        "How coarse light reaches fine pixels. bilateral respects depth and normal edges; "
+        "nearest shows the blocks, for comparison.", group="Upsampling")] = "bilateral"
+    temporal: Annotated[bool, Knob(
+        "Reuse of the last frames' light by reverse reprojection. Removes noise and flicker at a constant "
+        "cost.", group="Temporal")] = True
+    temporal_frames: Annotated[int, Knob(
+        "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
+        1, 256, "frames", log=True, group="Temporal")] = 32
+    show: Annotated[Literal["both", "direct", "indirect"], Knob(
+        "Which light is shown.", affects="display", group="Display")] = "both"
+    exposure: Annotated[float, Knob(
+        "Brightness of the display in stops; never touches exported values.",
+        -16.0, 16.0, "EV", affects="display", group="Display")] = 0.0
+    tone_map: Annotated[Literal["aces", "neutral", "reinhard", "linear"], Knob(
+        "Curve from radiance to display: aces (filmic contrast), neutral (Khronos, keeps hues), reinhard, "
+        "linear (clips).", affects="display", group="Display")] = "aces"
+    shadow_resolution: Annotated[int, Knob(
+        "Side of the shadow map of a directional light; spots get a half, faces of point lights a quarter.",
+        128, 8192, "texels", log=True, group="Shadows")] = 2048
+    seed: Annotated[int, Knob(
+        "Fixes every random choice: same machine, same flags, same bytes.", 0, 2**31 - 1)] = 0
+
+    def __post_init__(self) -> None:
+        for info in knobs():
+            object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
+
+    @property
+    def last_level(self) -> int:
+        """Coarsest level of the pyramid that the gather reads."""
+        return self.start_level + self.levels - 1
+
+    def affected_by(self, other: Settings) -> Affects | None:
+        """The strongest invalidation that going from self to `other` needs, or None if they are equal."""
+        strength: tuple[Affects, ...] = ("display", "history", "resources")
+        changed = [i.knob.affects for i in knobs() if getattr(self, i.name) != getattr(other, i.name)]
+        return max(changed, key=strength.index, default=None)
+
+    def replaced(self, values: dict[str, Any], source: str = "") -> Settings:
+        """A copy with some values changed by name.
+
+        Args:
+            values: Setting names and values; names with dashes are accepted.
+            source: File that the names come from, for messages.
+
+        Raises:
+            UserError: An unknown name (the nearest is suggested) or a value out of range.
+        """
+        known = {info.name for info in knobs()}
+        clean = {name.replace("-", "_"): value for name, value in values.items()}
+        for name in clean:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                raise UserError(f"no setting is called {name!r}", source,
+                                f"did you mean {near[0]}?" if near else "see docs/settings.md")
+        return dataclasses.replace(self, **clean)
+
+
+def knobs() -> tuple[KnobInfo, ...]:
+    """All settings in the order of their definition."""
+    return _KNOBS
+
+
+def load_settings(path: Path, base: Settings | None = None) -> Settings:
+    """Settings from a TOML file of `name = value` lines, over `base` or the defaults.
+
+    Raises:
+        UserError: The file is missing, is not TOML, or holds an unknown name or an unfit value.
+    """
+    try:
+        values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("settings file cannot be read", str(path), error.strerror or str(error)) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError("settings file is not valid TOML", str(path), str(error)) from error
+    return (base or Settings()).replaced(values, str(path))
+
+
+def presets() -> dict[str, Path]:
+    """Names and files of the shipped presets; each file holds differences from the defaults only."""
+    folder = Path(__file__).with_name("presets")
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def load_preset(name: str, base: Settings | None = None) -> Settings:
+    """Settings of a shipped preset. Raises UserError for an unknown name, with the nearest one."""
+    found = presets()
+    if name not in found:
+        near = difflib.get_close_matches(name, found, 1)
+        hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(found)
+        raise UserError(f"no preset is called {name!r}", "--preset", hint)
+    return load_settings(found[name], base)
+
+
+def _read_knobs() -> Iterator[KnobInfo]:
+    hints = typing.get_type_hints(Settings, include_extras=True)
+    for item in dataclasses.fields(Settings):
+        base, knob = typing.get_args(hints[item.name])
+        literal = typing.get_origin(base) is Literal
+        choices = typing.get_args(base) if literal else ()
+        yield KnobInfo(item.name, str if literal else base, choices, item.default, knob)
+
+
+_KNOBS = tuple(_read_knobs())
