@@ -1,0 +1,1 @@
+"""What the built-in scenes are made of: shapes, procedural textures, and a small GLB writer."""
