@@ -1,0 +1,124 @@
+"""What several commands need: settings and camera out of the flags, and a scene with its warnings shown."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import difflib
+import math
+import sys
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from ssil_viewer.commands import values
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.settings import Settings, knobs, load_preset, load_settings
+
+_WARNINGS_SHOWN = 8
+
+
+def settings_of(args: argparse.Namespace) -> Settings:
+    """Defaults, then preset, then settings file, then flags; the later wins.
+
+    Raises:
+        UserError: An unknown preset, a bad file, or levels that do not fit the size that was asked for.
+    """
+    settings = Settings()
+    if args.preset is not None:
+        settings = load_preset(args.preset, settings)
+    if args.settings is not None:
+        settings = load_settings(Path(args.settings), settings)
+    flags = {info.name: getattr(args, info.name) for info in knobs() if hasattr(args, info.name)}
+    settings = settings.replaced(flags)
+    check_fits(args.size, settings, flags)
+    return settings
+
+
+def check_fits(size: tuple[int, int], settings: Settings, explicit: Collection[str]) -> None:
+    """Refuses levels that the user asked for and that the image has no room for.
+
+    A level whose texel is twice the image's larger side says nothing that the level before did not. Defaults
+    and presets are not held to that: a tiny image simply works.
+
+    Args:
+        explicit: Names of the settings that were given as flags.
+
+    Raises:
+        UserError: Names how many levels fit.
+    """
+    if not {"start_level", "levels"} & set(explicit):
+        return
+    side = max(size)
+    coarsest = (2 * side - 1).bit_length() - 1  # largest L with 2^L < 2 * side
+    if settings.last_level <= coarsest:
+        return
+    image = f"an image of {size[0]}x{size[1]}"
+    fitting = coarsest - settings.start_level + 1
+    if fitting >= 1:
+        advice = f"give at most {fitting} level{'s' if fitting > 1 else ''}, or a larger --size"
+        raise UserError(f"{settings.levels} levels from start level {settings.start_level} do not fit {image}",
+                        "--levels", advice)  # fmt: skip
+    raise UserError(f"start level {settings.start_level} does not fit {image}", "--start-level",
+                    f"give at most {coarsest} with --levels 1, or a larger --size")  # fmt: skip
+
+
+def load(source: str) -> Scene:
+    """Loads a scene and prints its warnings on standard error."""
+    from ssil_viewer.scene import load_scene
+
+    scene = load_scene(source)
+    for warning in scene.warnings[:_WARNINGS_SHOWN]:
+        print(f"ssil-viewer: warning: {' '.join(warning.split())}", file=sys.stderr)
+    if len(scene.warnings) > _WARNINGS_SHOWN:
+        rest = len(scene.warnings) - _WARNINGS_SHOWN
+        print(f"ssil-viewer: warning: {rest} more, see ssil-viewer info", file=sys.stderr)
+    return scene
+
+
+def camera_of(args: argparse.Namespace, scene: Scene) -> Camera:
+    """The scene's camera, or the one that was asked for, with --eye, --target, --up and --fov laid over it.
+
+    Raises:
+        UserError: No such camera, or vectors that do not span a view.
+    """
+    from ssil_viewer.scene import default_camera
+
+    camera = default_camera(scene) if args.camera is None else _named_camera(scene, args.camera)
+    changes = {name: getattr(args, name) for name in ("eye", "target", "up") if getattr(args, name) is not None}
+    if args.fov is not None:
+        changes["vertical_fov"] = math.radians(args.fov)
+    camera = dataclasses.replace(camera, **changes)
+    if {"eye", "target", "up"} & changes.keys():
+        _check_view(camera)
+    return camera
+
+
+def _check_view(camera: Camera) -> None:
+    forward = np.subtract(camera.target, camera.eye)
+    distance, height = np.linalg.norm(forward), np.linalg.norm(camera.up)
+    if distance <= 1e-9:
+        raise UserError("the camera stands on the point it looks at", "--eye", "move --eye or --target")
+    if height <= 1e-9:
+        raise UserError("the upward direction has no length", "--up", "give a vector such as 0,1,0")
+    if np.linalg.norm(np.cross(forward / distance, np.asarray(camera.up) / height)) < 1e-6:
+        raise UserError("the camera looks along its upward direction", "--up", "give another --up, such as 0,0,1")
+
+
+def _named_camera(scene: Scene, name: str) -> Camera:
+    names = [camera.name for camera in scene.cameras]
+    if name in names:
+        return scene.cameras[names.index(name)]
+    index = values.number(name)
+    if isinstance(index, int) and 0 <= index < len(names):
+        return scene.cameras[index]
+    if not names:
+        advice = "the scene has none, give --eye and --target"
+    elif near := difflib.get_close_matches(name, names, 1):
+        advice = f"did you mean {near[0]}?"
+    else:
+        listed = ", ".join(f"{i} {n}".rstrip() for i, n in enumerate(names[:8]))
+        advice = f"the scene has {len(names)}: {listed}" + (", ..." if len(names) > 8 else "")
+    raise UserError(f"no camera is called {name!r}", "--camera", advice)

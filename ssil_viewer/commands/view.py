@@ -1,0 +1,44 @@
+"""`ssil-viewer view`: the window."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from ssil_viewer.commands import shared
+from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
+from ssil_viewer.errors import UserError
+
+USAGE = "[SCENE] [flags]"
+EPILOG = "The keys and the mouse are explained in the window: press F1."
+
+
+def add_flags(parser: Parser) -> None:
+    """What the command takes."""
+    add_scene(parser, "builtin:atrium")
+    add_image_flags(parser, "close the window after this many frames; default: when you close it")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Opens the window and returns when it is closed."""
+    settings = shared.settings_of(args)
+    scene = shared.load(args.scene)
+    camera = shared.camera_of(args, scene)
+    check_display()
+
+    from ssil_viewer.app.window import run_window
+
+    run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames)
+
+
+def check_display() -> None:
+    """Raises UserError where no window can be opened."""
+    if sys.platform.startswith(("win", "darwin", "cygwin")):
+        return
+    if not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
+        raise UserError(
+            "there is no display to open a window on",
+            "DISPLAY and WAYLAND_DISPLAY are not set",
+            "use ssil-viewer render SCENE -o image.png, or start it with xvfb-run",
+        )
