@@ -1,0 +1,217 @@
+"""The camera under the user's hands: orbiting a point or flying. Plain numbers, no OpenGL, no window.
+
+Mouse movements come in as fractions of the window's height and act at once; held keys come in with the
+time that passed. So neither depends on the frame rate, and nothing glides on after the hand stops
+(a gliding camera would keep the temporal filter from converging).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Literal
+
+import numpy as np
+
+from ssil_viewer.scene.model import Camera
+
+Mode = Literal["orbit", "fly"]
+
+_TURN_PER_HEIGHT = math.pi      # dragging over the window's height turns by half a circle
+_ZOOM_PER_STEP = 0.88           # distance left after one wheel step
+_SPEED_PER_STEP = 1.25          # flying speed gained by one wheel step
+_FAST = 4.0                     # factor of the shift key
+_MOST_STEPS = 100.0             # a broken wheel must not overflow
+_SPEED_SHARE = 0.2              # default speed per second as a share of the scene's radius
+_LONGEST_STEP = 0.5             # s; a stall (loading, a dialog) must not throw the camera out of the scene
+_ROLL_TOLERANCE = 1e-3          # cosine; a camera tilted sideways less than this turns about the world's Y
+
+
+@dataclasses.dataclass
+class CameraControl:
+    """Position and direction, how the mouse moves them, and the saved viewpoints.
+
+    The direction is kept as heading and pitch about a fixed axis, with the heading as the horizontal
+    `right` vector, so that looking straight down is nothing special.
+
+    Attributes:
+        mode: "orbit" turns about `target`, "fly" about the eye.
+        eye: (3,) float64, world space.
+        right: (3,) unit vector to the right, perpendicular to `axis`.
+        axis: (3,) unit vector about which the heading turns: world +Y, or the camera's own up vector
+            where it is rolled.
+        pitch: Radians above the plane perpendicular to `axis`, -pi/2 to pi/2.
+        distance: Metres from the eye to the target.
+        vertical_fov: Radians.
+        near: As in Camera.
+        speed: Metres per second when flying.
+        scene_radius: Half the diagonal of the scene's box, metres; scales speeds and limits.
+        viewpoints: Saved cameras by the digit of their key.
+        jumped: True after a cut to another view, until somebody clears it: histories are void then.
+    """
+
+    mode: Mode = "orbit"
+    eye: np.ndarray = dataclasses.field(default_factory=lambda: np.array([0.0, 0.0, 5.0]))
+    right: np.ndarray = dataclasses.field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    axis: np.ndarray = dataclasses.field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    pitch: float = 0.0
+    distance: float = 5.0
+    vertical_fov: float = math.pi / 3
+    near: float | None = None
+    speed: float = 1.0
+    scene_radius: float = 5.0
+    viewpoints: dict[int, Camera] = dataclasses.field(default_factory=dict)
+    jumped: bool = True
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) unit view direction."""
+        return math.cos(self.pitch) * np.cross(self.axis, self.right) + math.sin(self.pitch) * self.axis
+
+    @property
+    def screen_up(self) -> np.ndarray:
+        """(3,) unit vector that points up on the screen."""
+        return math.cos(self.pitch) * self.axis - math.sin(self.pitch) * np.cross(self.axis, self.right)
+
+    @property
+    def target(self) -> np.ndarray:
+        """(3,) the point looked at, which orbiting keeps in place."""
+        return self.eye + self.distance * self.forward
+
+    def camera(self) -> Camera:
+        """The camera of this frame."""
+        return Camera("", _triple(self.eye), _triple(self.target), _triple(self.screen_up),
+                      self.vertical_fov, self.near)
+
+    def set_camera(self, camera: Camera) -> None:
+        """Jump to a camera of the scene, of the command line, or a saved one."""
+        self.eye = np.array(camera.eye, dtype=np.float64)
+        self.vertical_fov, self.near = camera.vertical_fov, camera.near
+        self._aim(np.array(camera.target, dtype=np.float64), np.array(camera.up, dtype=np.float64))
+        self.jumped = True
+
+    def set_scene_size(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Scale speeds and limits to the box of a new scene."""
+        self.scene_radius = max(0.5 * float(np.linalg.norm(high - low)), 1e-6)
+        self.speed = _SPEED_SHARE * self.scene_radius
+
+    def rotate(self, dx: float, dy: float) -> None:
+        """Turn about the target (orbit) or about the eye (fly).
+
+        Args:
+            dx, dy: Movement of the mouse to the right and down, in window heights.
+        """
+        target = self.target
+        angle = -dx * _TURN_PER_HEIGHT
+        ahead = np.cross(self.axis, self.right)
+        self.right = _unit(math.cos(angle) * self.right + math.sin(angle) * ahead)
+        self.pitch = min(max(self.pitch - dy * _TURN_PER_HEIGHT, -math.pi / 2), math.pi / 2)
+        if self.mode == "orbit":
+            self.eye = target - self.distance * self.forward
+
+    def pan(self, dx: float, dy: float) -> None:
+        """Shift the view so that the target follows the mouse; arguments as in `rotate`."""
+        metres = 2.0 * self.distance * math.tan(self.vertical_fov / 2)
+        self.eye = self.eye + metres * (dy * self.screen_up - dx * self.right)
+
+    def wheel(self, steps: float) -> None:
+        """Zoom (orbit) or change the speed (fly); positive steps are away from the user."""
+        steps = min(max(steps, -_MOST_STEPS), _MOST_STEPS)
+        if self.mode == "fly":
+            limits = 1e-4 * self.scene_radius, 10.0 * self.scene_radius
+            self.speed = min(max(self.speed * _SPEED_PER_STEP ** steps, limits[0]), limits[1])
+            return
+        target = self.target
+        limits = 1e-4 * self.scene_radius, 100.0 * self.scene_radius
+        self.distance = min(max(self.distance * _ZOOM_PER_STEP ** steps, limits[0]), limits[1])
+        self.eye = target - self.distance * self.forward
+
+    def fly(self, right: float, up: float, forward: float, seconds: float, fast: bool = False) -> None:
+        """Move by held keys.
+
+        Args:
+            right, up, forward: -1, 0 or 1 each; up is along the axis, not the screen.
+            seconds: Time since the last call.
+        """
+        direction = right * self.right + up * self.axis + forward * self.forward
+        length = float(np.linalg.norm(direction))
+        if length > 0.0:
+            step = self.speed * (_FAST if fast else 1.0) * min(seconds, _LONGEST_STEP)
+            self.eye = self.eye + step / length * direction
+
+    def focus(self, point: np.ndarray) -> None:
+        """Look at a point from where the eye is, and orbit about it from now on."""
+        if np.linalg.norm(np.asarray(point) - self.eye) > 1e-9:
+            self._aim(np.asarray(point, dtype=np.float64), self.axis)
+            self.jumped = True
+
+    def frame(self, low: np.ndarray, high: np.ndarray, aspect: float) -> None:
+        """Step back along the view direction until a box fits into the image.
+
+        Args:
+            low, high: Corners of the box, world space.
+            aspect: Width over height of the image.
+        """
+        radius = max(0.5 * float(np.linalg.norm(high - low)), 1e-6)
+        half = math.atan(math.tan(self.vertical_fov / 2) * min(aspect, 1.0))
+        self.distance = radius / math.sin(half)
+        self.eye = 0.5 * (low + high) - self.distance * self.forward
+        self.jumped = True
+
+    def save_viewpoint(self, digit: int) -> None:
+        """Remember the present view under a digit."""
+        self.viewpoints[digit] = self.camera()
+
+    def recall_viewpoint(self, digit: int) -> bool:
+        """Go to a saved view; False when there is none under that digit."""
+        if digit not in self.viewpoints:
+            return False
+        self.set_camera(self.viewpoints[digit])
+        return True
+
+    def _aim(self, target: np.ndarray, up: np.ndarray) -> None:
+        offset = target - self.eye
+        length = float(np.linalg.norm(offset))
+        forward = offset / length if length > 0.0 else self.forward
+        self.distance = length if length > 0.0 else self.distance
+        # Looking along the up vector: the old heading, or any, is as good as another.
+        for up in (up, self.screen_up, np.eye(3)[np.argmin(np.abs(forward))]):
+            right = np.cross(forward, up)
+            if np.linalg.norm(right) > 1e-9:
+                break
+        right = _unit(right)
+        world_up = np.array([0.0, 1.0, 0.0])
+        level = abs(right @ world_up) < _ROLL_TOLERANCE and np.cross(right, forward) @ world_up > -_ROLL_TOLERANCE
+        self.axis = world_up if level else _unit(up)
+        self.right = _unit(right - (right @ self.axis) * self.axis)
+        self.pitch = math.asin(min(max(float(forward @ self.axis), -1.0), 1.0))
+
+
+def camera_flags(camera: Camera) -> str:
+    """The command-line flags that give this camera, `--up` only where it is not the usual one.
+
+    Joined with "=", since a value may begin with a minus.
+    """
+    flags = [f"--eye={_numbers(camera.eye)}", f"--target={_numbers(camera.target)}"]
+    eye, target = np.array(camera.eye), np.array(camera.target)
+    forward = _unit(target - eye)
+    usual = np.cross(forward, (0.0, 1.0, 0.0))
+    right = np.cross(forward, camera.up)
+    same = np.linalg.norm(usual) > 1e-3 and _unit(usual) @ _unit(right) > 1.0 - 1e-6
+    if not same:
+        flags.append(f"--up={_numbers(camera.up)}")
+    flags.append(f"--fov={math.degrees(camera.vertical_fov):.6g}")
+    return " ".join(flags)
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    # "+ 0.0" turns a rounded -0 into 0
+    return ",".join(f"{round(value, 6) + 0.0:.7g}" for value in values)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def _triple(vector: np.ndarray) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])
