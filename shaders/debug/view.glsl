@@ -1,0 +1,29 @@
+// A buffer on the screen, each of its texels as one block of pixels. VIEW: 0 radiance or irradiance (exposed and
+// tone-mapped), 1 reflectance (as it is), 2 normal, 3 view depth, 4 index 0..3, 5 motion, 6 alpha channel.
+#include "lib/color.glsl"
+#include "lib/as_vec4.glsl"
+
+void shade(ivec2 px) {
+    ivec2 at = min(ivec2((vec2(px) + 0.5) / texel), size_source() - 1);
+    vec4 value = as_vec4(load_source(at));
+#if VIEW == 0
+    vec3 color = srgb_from_linear(tone_map_aces(value.rgb * frame.exposure));
+#elif VIEW == 1
+    vec3 color = srgb_from_linear(value.rgb);
+#elif VIEW == 2
+    vec3 color = value.rgb * 0.5 + 0.5;
+    if (value.w <= 0.0) color = vec3(0.0);
+#elif VIEW == 3
+    // Near is bright; a step of one stop in depth is the same step in grey at any scale.
+    float stops = log2(max(value.w, 1e-30) / frame.near);
+    vec3 color = vec3(value.w > 0.0 ? clamp(1.0 - stops / log2(frame.far / frame.near), 0.02, 1.0) : 0.0);
+#elif VIEW == 4
+    const vec3 COLORS[4] = vec3[4](vec3(0.9, 0.3, 0.2), vec3(0.3, 0.8, 0.3), vec3(0.25, 0.45, 0.95), vec3(0.95, 0.85, 0.3));
+    vec3 color = COLORS[int(value.x) & 3];
+#elif VIEW == 5
+    vec3 color = vec3(0.5 + value.xy * 20.0, 0.5);
+#else
+    vec3 color = vec3(value.w);
+#endif
+    out_display = vec4(color, 1.0);
+}

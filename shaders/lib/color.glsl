@@ -1,0 +1,26 @@
+// Display: linear radiance to sRGB code values.
+
+// ACES filmic curve, Narkowicz's fit (2015), per channel.
+vec3 tone_map_aces(vec3 c) {
+    return clamp(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0);
+}
+
+// Khronos PBR Neutral (2024): identity below 0.76, highlights compressed by their peak, then desaturated.
+vec3 tone_map_neutral(vec3 c) {
+    const float START = 0.8 - 0.04;
+    float low = min(c.r, min(c.g, c.b));
+    c -= low < 0.08 ? low - 6.25 * low * low : 0.04;
+    float peak = max(c.r, max(c.g, c.b));
+    if (peak < START) return max(c, 0.0);
+    float d = 1.0 - START;
+    float compressed = 1.0 - d * d / (peak + d - START);
+    c *= compressed / peak;
+    return mix(c, vec3(compressed), 1.0 - 1.0 / (0.15 * (peak - compressed) + 1.0));
+}
+
+vec3 tone_map_reinhard(vec3 c) { return c / (1.0 + c); }
+
+vec3 srgb_from_linear(vec3 c) {
+    c = clamp(c, 0.0, 1.0);
+    return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
+}

@@ -1,0 +1,50 @@
+// Encodings of render targets. Each has a numpy twin in the tests, none in the program: what the CPU
+// reads was decoded here.
+
+// A visible surface as the pyramid stores it. view_depth: metres along -Z, 0 = background.
+// normal: view space, unit length, facing the camera.
+struct Surface {
+    float view_depth;
+    vec3 normal;
+};
+
+// RGB with a shared exponent, 9 bits each and 5 for the exponent (the layout of GL_RGB9_E5, which
+// cannot be rendered to). Relative error of the largest channel: 2^-10. Range: 0 to 65408.
+uint encode_rgb9e5(vec3 color) {
+    const float LARGEST = 65408.0;
+    // The comparison is false for NaN, which so becomes 0 instead of spreading.
+    vec3 c = vec3(color.r > 0.0 ? min(color.r, LARGEST) : 0.0,
+                  color.g > 0.0 ? min(color.g, LARGEST) : 0.0,
+                  color.b > 0.0 ? min(color.b, LARGEST) : 0.0);
+    float largest = max(max(c.r, c.g), c.b);
+    int exponent = max(-16, int(floatBitsToUint(largest) >> 23) - 127) + 16;
+    float scale = uintBitsToFloat(uint(127 + 24 - exponent) << 23);   // 2^(9 + 15 - exponent)
+    if (uint(largest * scale + 0.5) == 512u) {
+        scale *= 0.5;
+        exponent += 1;
+    }
+    uvec3 mantissa = uvec3(c * scale + 0.5);
+    return mantissa.r | (mantissa.g << 9) | (mantissa.b << 18) | (uint(exponent) << 27);
+}
+
+vec3 decode_rgb9e5(uint bits) {
+    float scale = uintBitsToFloat(((bits >> 27) + 103u) << 23);       // 2^(exponent - 24)
+    return vec3(float(bits & 511u), float((bits >> 9) & 511u), float((bits >> 18) & 511u)) * scale;
+}
+
+// Depth as its 32 bits, the normal as three 10-bit signed components: decoding needs no square root,
+// which the gather would pay per sample. Angular error below 0.06 degrees.
+uvec2 encode_surface(Surface surface) {
+    ivec3 n = ivec3(floor(clamp(surface.normal, -1.0, 1.0) * 511.0 + 0.5)) & 1023;
+    return uvec2(floatBitsToUint(surface.view_depth), uint(n.x | (n.y << 10) | (n.z << 20)));
+}
+
+Surface decode_surface(uvec2 bits) {
+    int n = int(bits.y);
+    vec3 normal = vec3(ivec3(n << 22, n << 12, n << 2) >> 22) * (1.0 / 511.0);
+    return Surface(uintBitsToFloat(bits.x), normal);
+}
+
+// Reflectance in 8 bits: the square root spends the codes where the eye needs them, and 0.0019 is not 0.
+vec4 encode_reflectance(vec4 value) { return vec4(sqrt(clamp(value.rgb, 0.0, 1.0)), value.a); }
+vec4 decode_reflectance(vec4 value) { return vec4(value.rgb * value.rgb, value.a); }

@@ -1,0 +1,27 @@
+// Sample patterns.
+
+const float GOLDEN_ANGLE_COS = -0.7373688780783197;   // cos and sin of pi (3 - sqrt 5), the Vogel spiral's step
+const float GOLDEN_ANGLE_SIN = 0.6754902942615238;
+
+// Two numbers in [0, 1) that are well spread over every aligned or shifted 4x4 block of pixels, so that
+// a filter of that size sees 16 different rotations. x: rank in the 4x4 Bayer order; y: the same
+// block transposed and reversed, which is as even and little correlated with x.
+vec2 interleaved_4x4(ivec2 px) {
+    int x = px.x & 3, y = px.y & 3;
+    int a = x ^ y;
+    int bayer = ((a & 1) << 3) | ((y & 1) << 2) | (a & 2) | ((y & 2) >> 1);
+    int b = x ^ (3 - y);
+    int other = ((x & 1) << 3) | ((b & 1) << 2) | (x & 2) | ((b & 2) >> 1);
+    return (vec2(bayer, other) + 0.5) * (1.0 / 16.0);
+}
+
+vec2 direction_from_turn(float turn) {
+    float angle = turn * 6.283185307179586;
+    return vec2(cos(angle), sin(angle));
+}
+
+// One step of the Vogel spiral: rotation by the golden angle without sine or cosine.
+vec2 golden_rotation(vec2 direction) {
+    return vec2(direction.x * GOLDEN_ANGLE_COS - direction.y * GOLDEN_ANGLE_SIN,
+                direction.x * GOLDEN_ANGLE_SIN + direction.y * GOLDEN_ANGLE_COS);
+}

@@ -1,0 +1,50 @@
+// Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
+#include "lib/sampling.glsl"
+
+const float PI = 3.141592653589793;
+
+void shade(ivec2 px) {
+    out_gather = vec3(0.0);
+    Surface receiver = load_surface(px);
+    if (receiver.view_depth <= 0.0) return;
+    ivec2 size = size_surface();
+    vec2 scale = frame.ray_scale * texel;
+    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin), receiver.view_depth);
+
+    // Area on the plane z = 1 that a sample stands for, over pi.
+    float inner = inner_radius * inner_radius, outer = frame.radius * frame.radius;
+    float area = scale.x * scale.y * (outer - inner) / float(frame.samples);
+    vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
+    vec2 direction = direction_from_turn(jitter.x);
+    vec2 center = vec2(px) + 0.5;
+    vec3 sum = vec3(0.0);
+    float step_squared = (outer - inner) / float(frame.samples);
+    float radius_squared = inner + jitter.y * step_squared;
+
+    for (int i = 0; i < frame.samples; ++i) {
+        ivec2 at = ivec2(floor(center + direction * sqrt(radius_squared)));
+        direction = golden_rotation(direction);
+        radius_squared += step_squared;
+        if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size)) || at == px) continue;
+        Surface sender = load_surface(at);
+        vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), sender.view_depth);
+        vec3 v = q - p;
+        float distance_squared = dot(v, v);
+        float receiver_cos = dot(receiver.normal, v);       // both times the distance
+        float sender_cos = -dot(sender.normal, v);
+        if (sender.view_depth <= 0.0 || receiver_cos <= 0.0 || sender_cos <= 0.0) continue;
+        // dA = area z^3 / |n . Q|: surface area behind the sample's pixels. A surface seen at a grazing angle
+        // would count for infinitely much: its cosine is held above 1 %.
+        float facing = max(-dot(sender.normal, q), 0.01 * length(q));
+        float inverse_distance = inversesqrt(distance_squared);
+        float depth = sender.view_depth;
+        float disc = sender_cos * inverse_distance * area * depth * depth * depth / facing;   // R^2 = cos' dA / pi
+#if FORM_FACTOR == 0
+        float factor = disc / (distance_squared + disc);
+#else
+        float factor = disc / distance_squared;
+#endif
+        sum += load_radiance(at) * (receiver_cos * inverse_distance * factor);
+    }
+    out_gather = sum * PI;
+}

@@ -1,0 +1,88 @@
+"""The buffers that users can name: what they are made of and how they are shown."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssil_viewer.errors import UserError
+
+# VIEW in shaders/debug/view.glsl
+LIGHT, REFLECTANCE, NORMAL, DEPTH, INDEX, MOTION, ALPHA = range(7)
+
+
+@dataclass(frozen=True)
+class BufferInfo:
+    """A buffer that exists now.
+
+    Attributes:
+        levels: Levels of the pyramid at which it exists.
+        meaning: What it holds, with unit and space.
+    """
+
+    levels: range
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """A named selection of a render target's channels.
+
+    Attributes:
+        targets: Targets in order of preference; the first that is written counts.
+        channels: Channels of the decoded texel; one index gives (H, W), several (H, W, C).
+        view: How debug/view.glsl shows it.
+        meaning: Replaces the target's own when it holds only a part of it.
+    """
+
+    targets: tuple[str, ...]
+    channels: tuple[int, ...] = (0, 1, 2)
+    view: int = LIGHT
+    meaning: str = ""
+
+    def pick(self, running: set[str]) -> str | None:
+        """The target that holds it, given those that are written."""
+        return next((name for name in self.targets if name in running), None)
+
+    def select(self, texels: np.ndarray) -> np.ndarray:
+        """The buffer's channels of (H, W, 4) decoded texels."""
+        return texels[..., self.channels[0]] if len(self.channels) == 1 else texels[..., list(self.channels)]
+
+
+BUFFERS: dict[str, Buffer] = {
+    "final": Buffer(("final",)),
+    "direct": Buffer(("direct",)),
+    "indirect": Buffer(("irradiance", "upsample"), meaning="irradiance E of all bounces, W m^-2"),
+    "radiance": Buffer(("radiance",)),
+    "albedo": Buffer(("albedo",), view=REFLECTANCE, meaning="diffuse reflectance"),
+    "normal": Buffer(("surface",), view=NORMAL, meaning="unit normal in view space, facing the camera"),
+    "view_depth": Buffer(("surface",), (3,), DEPTH, "metres along the viewing direction, 0 = background"),
+    "emission": Buffer(("emission",)),
+    "specular": Buffer(("specular",), view=REFLECTANCE, meaning="reflectance at normal incidence, F0"),
+    "roughness": Buffer(("specular",), (3,), ALPHA, "perceptual roughness, 0 to 1"),
+    "occlusion": Buffer(("albedo",), (3,), ALPHA, "the material's own occlusion map, 1 = open"),
+    "motion": Buffer(("motion",), (0, 1), MOTION, "displacement since the last frame, image widths and heights, +y up"),
+    "winner": Buffer(("winner",), (0,), INDEX),
+    "gather": Buffer(("gather",)),
+    "upsample": Buffer(("upsample",)),
+    "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
+}
+
+
+def find_buffer(buffers: dict[str, BufferInfo], name: str, level: int) -> BufferInfo:
+    """Check a name and level.
+
+    Raises:
+        UserError: There is no such buffer or level; says which there are.
+    """
+    if name not in buffers:
+        near = difflib.get_close_matches(name, buffers, 1)
+        hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(buffers)
+        reason = "is not made under these settings" if name in BUFFERS else "is not a buffer"
+        raise UserError(f"{name!r} {reason}", "--view", hint)
+    levels = buffers[name].levels
+    if level not in levels:
+        raise UserError(f"{name!r} has no level {level}", "--view", f"it has levels {levels.start} to {levels.stop - 1}")
+    return buffers[name]

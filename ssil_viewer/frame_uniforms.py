@@ -1,0 +1,126 @@
+"""What all shaders of a frame know: the mapping from camera and settings to the GPU."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.light_table import look_along, perspective
+from ssil_viewer.gpu.uniforms import Float, Int, Mat4, Vec2, Vec3
+from ssil_viewer.scene.model import Camera
+from ssil_viewer.settings import Settings
+
+# Steps of the two-dimensional low-discrepancy sequence of the plastic number (Roberts 2018)
+_PLASTIC = (0.7548776662466927, 0.5698402909980532)
+# Height for which the radius is given, so that a picture does not change with its resolution
+REFERENCE_HEIGHT = 720
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The uniform block `frame`. World space is relative to the scene's origin (gpu/scene_buffers.py)."""
+
+    view_from_world: Mat4
+    world_from_view: Mat4
+    clip_from_view: Mat4
+    previous_view_from_world: Mat4
+    previous_clip_from_view: Mat4
+    previous_view_from_view: Mat4
+    ray_scale: Vec2             # size of a level-0 pixel on the plane z = 1
+    ray_origin: Vec2            # lower left corner of the image on that plane
+    previous_ray_scale: Vec2
+    previous_ray_origin: Vec2
+    jitter: Vec2                # shift of the sample pattern: turn and radius, in [0, 1)
+    background: Vec3            # radiance of the backdrop
+    exposure: Float             # factor on radiance before tone mapping
+    radius: Float               # of disc and rings, in texels of each level
+    near: Float
+    far: Float
+    samples: Int
+    light_count: Int
+    history_frames: Int         # longest temporal mean; 0: there is no history
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera as matrices, float64, relative to the scene's origin."""
+
+    view_from_world: np.ndarray
+    clip_from_view: np.ndarray
+    tan_half: tuple[float, float]
+    near: float
+    far: float
+
+
+def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds: np.ndarray) -> View:
+    """Matrices of a camera.
+
+    Args:
+        size: Image width and height in pixels.
+        origin: (3,) world position of the GPU's zero.
+        bounds: (2, 3) box of the geometry relative to `origin`; the clip planes enclose it.
+
+    Raises:
+        UserError: Eye and target coincide, a number is not finite, or the field of view is not below 180 degrees.
+    """
+    eye, target, up = (np.asarray(v, np.float64) for v in (camera.eye, camera.target, camera.up))
+    if not (np.isfinite(eye).all() and np.isfinite(target).all() and np.isfinite(up).all()):
+        raise UserError("the camera is not finite", "--eye, --target, --up", "give plain numbers")
+    forward = target - eye
+    if np.linalg.norm(forward) < 1e-12 * max(1.0, float(np.abs(eye).max())):
+        raise UserError("the camera looks at its own position", "--eye and --target", "move one of them")
+    if not np.linalg.norm(up) > 0:
+        raise UserError("the camera's up vector is zero", "--up", "give a direction, such as 0,1,0")
+    if not 0 < camera.vertical_fov < math.pi:
+        raise UserError(f"a field of view of {math.degrees(camera.vertical_fov):g} degrees cannot be shown", "--fov",
+                        "give an angle between 0 and 180")
+    view = look_along(eye - origin, forward, up)
+    corners = np.array([[bounds[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
+    depths = -(corners @ view[:3, :3].T + view[:3, 3])[:, 2]
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
+    far = max(float(depths.max()) * 1.01, diagonal * 1e-2)
+    # From inside a scene the near plane is a two-thousandth of its size: near enough not to be noticed, far
+    # enough for the depth buffer.
+    near = camera.near or max(float(depths.min()) * 0.99, diagonal * 5e-4)
+    near = min(near, far * 0.5)
+    tan_y = math.tan(camera.vertical_fov / 2)
+    tan_half = (tan_y * size[0] / size[1], tan_y)
+    return View(view, perspective(tan_half, near, far), tan_half, near, far)
+
+
+def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
+               light_count: int, background: tuple[float, float, float], history: bool) -> Frame:
+    """The uniform block of one frame.
+
+    Args:
+        frame_index: Frames since the history began; moves the sample pattern while temporal reprojection runs.
+        history: Whether the last frame's textures hold this scene.
+    """
+    world_from_view = np.linalg.inv(view.view_from_world)
+    step = frame_index if settings.temporal else 0
+    start = np.random.default_rng(settings.seed).random(2)
+    jitter = [(start[i] + step * _PLASTIC[i]) % 1.0 for i in range(2)]
+
+    def ray_scale(v: View) -> tuple[float, float]:
+        return 2 * v.tan_half[0] / size[0], 2 * v.tan_half[1] / size[1]
+
+    def ray_origin(v: View) -> tuple[float, float]:
+        return -v.tan_half[0], -v.tan_half[1]
+
+    return Frame(
+        view_from_world=view.view_from_world, world_from_view=world_from_view, clip_from_view=view.clip_from_view,
+        previous_view_from_world=previous.view_from_world, previous_clip_from_view=previous.clip_from_view,
+        previous_view_from_view=previous.view_from_world @ world_from_view,
+        ray_scale=ray_scale(view), ray_origin=ray_origin(view),
+        previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
+        jitter=jitter, background=background, exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
+        near=view.near, far=view.far, samples=settings.samples, light_count=light_count,
+        history_frames=settings.temporal_frames if history else 0)
+
+
+def radius_texels(settings: Settings, size: tuple[int, int]) -> float:
+    """Radius of disc and rings in texels of each level, for an image of this size."""
+    return settings.radius * size[1] / REFERENCE_HEIGHT

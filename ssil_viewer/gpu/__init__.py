@@ -1,0 +1,1 @@
+"""moderngl without effects: contexts, shaders, uniform blocks, render targets, timers, scene upload."""

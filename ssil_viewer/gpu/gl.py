@@ -1,0 +1,49 @@
+"""The few OpenGL functions that moderngl does not offer, found through the context that it opened."""
+
+from __future__ import annotations
+
+import ctypes
+
+import moderngl
+import numpy as np
+
+_TEXTURE_2D_ARRAY = 0x8C1A
+_RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+_RGBA8, _SRGB8_ALPHA8 = 0x8058, 0x8C43
+
+
+class GLFunctions:
+    """Raw entry points. The loader is a private attribute of moderngl 5: this is the only place that uses it."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._load = context.mglo._context.load_opengl_function
+
+    def _function(self, name: str, *arguments: type) -> ctypes._CFuncPtr:
+        make = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL is stdcall on 32-bit Windows
+        return make(None, *arguments)(self._load(name))
+
+    def texture_array(self, layers: list[np.ndarray], srgb: bool) -> moderngl.TextureArray:
+        """An array texture of 8-bit RGBA images with mipmaps.
+
+        moderngl makes 2D arrays, but not sRGB ones, whose filtering and mipmaps are right; so the storage
+        of its texture is specified again.
+
+        Args:
+            layers: (H, W, 4) uint8 each, all of one size, row 0 at v = 0.
+            srgb: RGB is sRGB-encoded.
+        """
+        height, width = layers[0].shape[:2]
+        texture = self._context.texture_array((width, height, len(layers)), 4)
+        texture.use(0)
+        specify = self._function("glTexImage3D", *(ctypes.c_int,) * 9, ctypes.c_void_p)
+        upload = self._function("glTexSubImage3D", *(ctypes.c_int,) * 10, ctypes.c_void_p)
+        specify(_TEXTURE_2D_ARRAY, 0, _SRGB8_ALPHA8 if srgb else _RGBA8, width, height, len(layers), 0,
+                _RGBA, _UNSIGNED_BYTE, None)
+        for at, layer in enumerate(layers):
+            pixels = np.ascontiguousarray(layer)
+            upload(_TEXTURE_2D_ARRAY, 0, 0, 0, at, width, height, 1, _RGBA, _UNSIGNED_BYTE,
+                   pixels.ctypes.data_as(ctypes.c_void_p))
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        return texture

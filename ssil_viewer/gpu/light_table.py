@@ -1,0 +1,222 @@
+"""Lights on the GPU: a table of their values, and a tile of the shadow atlas for each view from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Sequence
+
+import moderngl
+import numpy as np
+
+from ssil_viewer.gpu.scene_buffers import float_table
+from ssil_viewer.scene.model import Light
+
+LIGHT_TEXELS = 4
+TILE_TEXELS = 6
+_KINDS = {"directional": 0, "point": 1, "spot": 2}
+_SMALLEST_TILE = 64
+# Faces of a point light in the order that shaders/lib/lights.glsl selects them: forward, up
+_FACES = (((1, 0, 0), (0, 1, 0)), ((-1, 0, 0), (0, 1, 0)), ((0, 1, 0), (0, 0, 1)),
+          ((0, -1, 0), (0, 0, 1)), ((0, 0, 1), (0, 1, 0)), ((0, 0, -1), (0, 1, 0)))
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A square of the shadow atlas and the view it holds.
+
+    Attributes:
+        corner, side: Lower left texel and side length.
+        clip_from_world: (4, 4) float64.
+    """
+
+    corner: tuple[int, int]
+    side: int
+    clip_from_world: np.ndarray
+
+
+def look_along(position: np.ndarray, forward: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """view_from_world of a camera at `position` that looks along `forward`; (4, 4) float64."""
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) < 1e-6:
+        right = np.cross(forward, (1.0, 0.0, 0.0) if abs(forward[0]) < 0.9 else (0.0, 0.0, 1.0))
+    right = right / np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(right, forward), -forward])
+    view = np.eye(4)
+    view[:3, :3] = rotation
+    view[:3, 3] = -rotation @ position
+    return view
+
+
+def perspective(tan_half: tuple[float, float], near: float, far: float) -> np.ndarray:
+    """clip_from_view with OpenGL's depth range; (4, 4) float64. tan_half: of the half angles in x and y."""
+    clip = np.zeros((4, 4))
+    clip[0, 0], clip[1, 1] = 1 / tan_half[0], 1 / tan_half[1]
+    clip[2, 2], clip[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
+    clip[3, 2] = -1
+    return clip
+
+
+def _corners(bounds: np.ndarray) -> np.ndarray:
+    return np.array([[bounds[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
+
+
+class LightTable:
+    """Values and shadow maps of the lights.
+
+    Attributes:
+        table, tiles_table: RGBA32F textures; layout in shaders/lib/lights.glsl.
+        atlas: Depth texture with all shadow maps.
+        tiles: Views to render into the atlas.
+        count: Number of lights.
+        unshadowed: Names of lights that found no room in the atlas.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self.table = float_table(context, LIGHT_TEXELS, 1)
+        self.tiles_table = float_table(context, TILE_TEXELS, 1)
+        self.atlas = self._create_atlas((1, 1))
+        self.framebuffer = context.framebuffer(depth_attachment=self.atlas)
+        self.tiles: list[Tile] = []
+        self.count = 0
+        self.unshadowed: list[str] = []
+
+    def _create_atlas(self, size: tuple[int, int]) -> moderngl.Texture:
+        atlas = self._context.depth_texture(size)
+        atlas.compare_func = "<="
+        atlas.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        atlas.repeat_x = atlas.repeat_y = False
+        return atlas
+
+    def update(self, lights: Sequence[Light], origin: np.ndarray, bounds: np.ndarray, resolution: int,
+               max_size: int) -> None:
+        """Write the tables and lay out the atlas; its content is then the shadow pass's to render.
+
+        Args:
+            origin: World position that the GPU's zero stands for.
+            bounds: (2, 3) box of the geometry relative to `origin`.
+            resolution: Side of a directional light's tile; spots get a half, point lights' faces a quarter.
+            max_size: Largest side of a texture.
+        """
+        sides = self._tile_sides(lights, resolution, max_size)
+        corners, atlas_size = _pack_squares([s for light_sides in sides for s in light_sides])
+        self.tiles = []
+        self.count = len(lights)
+        self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
+                           if light.cast_shadow and not s]
+        rows = np.zeros((max(len(lights), 1), LIGHT_TEXELS, 4), np.float32)
+        tile_rows: list[np.ndarray] = []
+        for row, light, light_sides in zip(rows, lights, sides):
+            first = len(self.tiles) if light_sides else -1
+            position = np.asarray(light.position, np.float64) - origin
+            direction = np.asarray(light.direction, np.float64)
+            scale = 1.0 / max(np.cos(light.inner_cone) - np.cos(light.outer_cone), 1e-3)
+            row[0] = (*position, _KINDS[light.kind])
+            row[1] = (*direction, light.range if np.isfinite(light.range) else 0.0)
+            row[2] = (*(np.asarray(light.color) * light.intensity), first)
+            row[3] = (scale, -np.cos(light.outer_cone) * scale, 0.0, 0.0)
+            for (matrix, at_unit_distance, constant), side in zip(_views(light, position, bounds, light_sides),
+                                                                  light_sides):
+                corner = corners[len(self.tiles)]
+                self.tiles.append(Tile(corner, side, matrix))
+                tile = np.zeros((TILE_TEXELS, 4), np.float32)
+                tile[:4] = matrix
+                # One atlas size in both directions keeps uv scale and texel a single number each
+                tile[4] = (corner[0] / atlas_size, corner[1] / atlas_size, side / atlas_size, 1 / atlas_size)
+                tile[5] = (at_unit_distance, constant, 0.0, 0.0)
+                tile_rows.append(tile)
+        self.table = self._write(self.table, rows)
+        self.tiles_table = self._write(self.tiles_table, np.array(tile_rows or [np.zeros((TILE_TEXELS, 4))], np.float32))
+        if self.atlas.size != (atlas_size, atlas_size):
+            self.framebuffer.release()
+            self.atlas.release()
+            self.atlas = self._create_atlas((atlas_size, atlas_size))
+            self.framebuffer = self._context.framebuffer(depth_attachment=self.atlas)
+
+    def _write(self, texture: moderngl.Texture, rows: np.ndarray) -> moderngl.Texture:
+        if texture.size != (rows.shape[1], rows.shape[0]):
+            texture.release()
+            texture = float_table(self._context, rows.shape[1], rows.shape[0])
+        texture.write(np.ascontiguousarray(rows, np.float32).tobytes())
+        return texture
+
+    @staticmethod
+    def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int) -> list[list[int]]:
+        """Sides of each light's tiles. All are halved until they fit four directional maps' area; lights
+        that would get less than `_SMALLEST_TILE` go without, the last ones first."""
+        relative = {"directional": (1, 1), "spot": (2, 1), "point": (4, 6)}
+        side_limit = min(max_size, 8192)
+        budget = min((2 * resolution) ** 2, side_limit**2)
+        scale, shadowed = 1, [light.cast_shadow for light in lights]
+        while True:
+            sides = [[max(_floor_power_of_two(min(resolution, side_limit // 2)) // (relative[x.kind][0] * scale),
+                          _SMALLEST_TILE)] * relative[x.kind][1] if cast else []
+                     for x, cast in zip(lights, shadowed)]
+            if sum(s * s for light_sides in sides for s in light_sides) <= budget:
+                return sides
+            if scale * 2 * _SMALLEST_TILE <= resolution:
+                scale *= 2
+            else:
+                shadowed[max(i for i, cast in enumerate(shadowed) if cast)] = False
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        for owned in (self.framebuffer, self.atlas, self.table, self.tiles_table):
+            owned.release()
+
+
+def _floor_power_of_two(value: int) -> int:
+    return 1 << (value.bit_length() - 1)
+
+
+def _pack_squares(sides: list[int]) -> tuple[list[tuple[int, int]], int]:
+    """Places for squares with power-of-two sides in a square atlas, largest first along a Z-order curve:
+    there they are aligned to their own size and leave no gaps.
+
+    Returns:
+        (corner of each square in the order given, side of the atlas).
+    """
+    corners: list[tuple[int, int]] = [(0, 0)] * len(sides)
+    at = 0
+    for index in sorted(range(len(sides)), key=lambda i: -sides[i]):
+        x = y = 0
+        for bit in range(32):
+            x |= ((at >> (2 * bit)) & 1) << bit
+            y |= ((at >> (2 * bit + 1)) & 1) << bit
+        corners[index] = (x, y)
+        at += sides[index] ** 2
+    side = 1
+    while side * side < at:
+        side *= 2
+    return corners, side
+
+
+def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[int]):
+    """(clip_from_world, texel size at unit distance, constant texel size) of each tile of a light."""
+    if not sides:
+        return
+    corners = _corners(bounds)
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
+    if light.kind == "directional":
+        view = look_along(np.zeros(3), np.asarray(light.direction, np.float64), np.array((0.0, 1.0, 0.0)))
+        seen = corners @ view[:3, :3].T
+        low, high = seen.min(axis=0) - 1e-3 * diagonal, seen.max(axis=0) + 1e-3 * diagonal
+        clip = np.eye(4)
+        extent = high - low
+        clip[0, 0], clip[1, 1], clip[2, 2] = 2 / extent[0], 2 / extent[1], -2 / extent[2]
+        clip[:3, 3] = -(high + low) / extent * (1, 1, -1)
+        yield clip @ view, 0.0, float(max(extent[0], extent[1])) / sides[0]
+        return
+    far = max(float(np.linalg.norm(corners - position, axis=1).max()), 1e-6 * diagonal) * 1.01
+    near = min(far * 1e-3, diagonal * 1e-3)
+    if light.kind == "spot":
+        # A margin of two texels, so that filtering at the cone's edge stays inside
+        tangent = np.tan(min(light.outer_cone, 1.5)) * (1 + 4 / sides[0])
+        view = look_along(position, np.asarray(light.direction, np.float64), np.array((0.0, 1.0, 0.0)))
+        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / sides[0], 0.0
+        return
+    for (forward, up), side in zip(_FACES, sides):
+        tangent = 1 + 6 / side
+        view = look_along(position, np.asarray(forward, np.float64), np.asarray(up, np.float64))
+        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / side, 0.0

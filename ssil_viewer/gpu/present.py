@@ -1,0 +1,31 @@
+"""The picture onto a framebuffer of any size, such as a window's."""
+
+from __future__ import annotations
+
+import moderngl
+
+from ssil_viewer.gpu.glsl import Source, compile_program, expand
+from ssil_viewer.gpu.screen_program import FULL_SCREEN_VERTEX
+
+
+class Presenter:
+    """Draws a texture over a whole framebuffer; made when first needed, since a headless run never is."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        vertex = Source(FULL_SCREEN_VERTEX, ("<full-screen triangle>",))
+        self._program = compile_program(context, vertex, expand("debug/present.frag.glsl", "#version 330 core"))
+        self._array = context.vertex_array(self._program, [])
+
+    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer) -> None:
+        """Stretch `picture` over `framebuffer`, texel by texel when the sizes agree."""
+        self._context.enable_only(moderngl.NOTHING)
+        framebuffer.use()
+        picture.use(0)
+        self._program["target_size"].value = framebuffer.size
+        self._array.render(moderngl.TRIANGLES, 3)
+
+    def release(self) -> None:
+        """Free program and vertex array."""
+        self._array.release()
+        self._program.release()

@@ -1,0 +1,234 @@
+"""The scene on the GPU: one vertex buffer, one index buffer, tables of objects and materials, texture arrays.
+
+Everything that shares shader variant, textures and culling is one draw call, however many meshes and materials
+it comes from: a vertex names its object (row of the transform table) and its material. So Sponza takes a handful
+of draws, and an object moves by rewriting six texels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from ssil_viewer.gpu.gl import GLFunctions
+from ssil_viewer.scene.model import Material, Scene, TextureRef
+
+OBJECTS_PER_ROW = 128   # shaders/lib/scene.glsl
+OBJECT_TEXELS = 6
+MATERIAL_TEXELS = 16
+
+_VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("tangent", "f4", 4), ("texcoords", "f4", 4),
+                    ("color", "f2", 4), ("object_material", "i4", 2)])
+# moderngl buffer formats; shadows skip what they do not need
+FULL_FORMAT = ("3f4 3f4 4f4 4f4 4f2 2i4", ("position", "normal", "tangent", "texcoords", "color", "object_material"))
+MASKED_DEPTH_FORMAT = ("3f4 28x 4f4 4f2 2i4", ("position", "texcoords", "color", "object_material"))
+DEPTH_FORMAT = ("3f4 52x 2i4", ("position", "object_material"))
+
+# Texture slots of a material in the order of their shader define and sampler
+SLOTS = ("base_color", "metallic_roughness", "normal", "occlusion", "emission")
+_SRGB_SLOTS = {"base_color", "emission"}
+_WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
+
+
+@dataclass(frozen=True)
+class DrawGroup:
+    """Triangles that are drawn by one call.
+
+    Attributes:
+        first, count: Range of the index buffer.
+        defines: Shader variant: the texture slots in use, ALPHA_MASK, SAMPLER_EXTRAS.
+        textures: Slot -> index into `GpuScene.arrays`.
+        cull: Back faces are not drawn.
+        masked: Fragments may be discarded.
+    """
+
+    first: int
+    count: int
+    defines: tuple[str, ...]
+    textures: tuple[tuple[str, int], ...]
+    cull: bool
+    masked: bool
+
+
+class GpuScene:
+    """GPU copy of a scene.
+
+    World space is moved by `origin`, the centre of the scene's bounds: single precision is spent around the
+    geometry, not on its distance from zero.
+
+    Attributes:
+        origin: (3,) float64, metres; subtract it from any world position before it goes to the GPU.
+        bounds: (2, 3) float64, corners of the box of all geometry, relative to `origin`.
+        groups: Draw calls, opaque ones first.
+        opaque_count: Number of indices, from the first, that belong to opaque groups.
+        has_occlusion_maps: Some material darkens indirect light.
+    """
+
+    def __init__(self, context: moderngl.Context, scene: Scene) -> None:
+        self._context = context
+        low, high = scene.bounds()
+        self.origin = (low + high) / 2
+        self.bounds = np.stack([low - self.origin, high - self.origin])
+        self.has_occlusion_maps = any(m.occlusion_texture for m in scene.materials)
+        self.arrays: list[moderngl.TextureArray] = []
+        # (image, srgb) -> (array, layer)
+        self._places: dict[tuple[int, bool], tuple[int, int]] = {}
+        self._upload_images(scene)
+        self.materials = self._material_table(scene.materials)
+        self._transforms = np.zeros((max(len(scene.instances), 1), OBJECT_TEXELS, 4), np.float32)
+        for index, instance in enumerate(scene.instances):
+            self._set_rows(index, instance.world_from_object)
+        self._transforms[:, 3:] = self._transforms[:, :3]
+        rows = -(-len(self._transforms) // OBJECTS_PER_ROW)
+        self.objects = float_table(context, OBJECTS_PER_ROW * OBJECT_TEXELS, rows)
+        self._moved = True
+        self._settle = False
+        self.upload_transforms()
+        vertices, indices = self._merge(scene)
+        self.vertex_buffer = context.buffer(vertices.tobytes())
+        self.index_buffer = context.buffer(indices.tobytes())
+
+    # -- textures and materials --------------------------------------------------------------------------------
+
+    def _upload_images(self, scene: Scene) -> None:
+        uses = {(ref.image, slot in _SRGB_SLOTS) for m in scene.materials for slot in SLOTS
+                if (ref := getattr(m, f"{slot}_texture")) is not None}
+        by_shape: dict[tuple[tuple[int, int], bool], list[int]] = {}
+        for image, srgb in sorted(uses):
+            shape = scene.images[image].pixels.shape[:2]
+            by_shape.setdefault((shape, srgb), []).append(image)
+        gl = GLFunctions(self._context)
+        limit = int(self._context.info.get("GL_MAX_ARRAY_TEXTURE_LAYERS", 256))
+        for (_, srgb), images in by_shape.items():
+            for start in range(0, len(images), limit):
+                chunk = images[start:start + limit]
+                for layer, image in enumerate(chunk):
+                    self._places[image, srgb] = (len(self.arrays), layer)
+                array = gl.texture_array([scene.images[i].pixels for i in chunk], srgb)
+                array.anisotropy = min(8.0, self._context.max_anisotropy)
+                self.arrays.append(array)
+
+    def _place(self, material: Material, slot: str) -> tuple[int, int] | None:
+        ref = getattr(material, f"{slot}_texture")
+        return None if ref is None else self._places[ref.image, slot in _SRGB_SLOTS]
+
+    def _material_table(self, materials: tuple[Material, ...]) -> moderngl.Texture:
+        rows = np.zeros((max(len(materials), 1), MATERIAL_TEXELS, 4), np.float32)
+        for row, m in zip(rows, materials):
+            layer = {slot: float(place[1]) if (place := self._place(m, slot)) else 0.0 for slot in SLOTS}
+            dielectric = min(m.specular * ((m.ior - 1.0) / (m.ior + 1.0)) ** 2, 1.0)
+            row[0] = m.base_color
+            row[1] = (*m.emission, m.normal_scale)
+            row[2] = (m.metallic, m.roughness, m.occlusion_strength, m.alpha_cutoff)
+            row[3] = (dielectric, layer["base_color"], layer["metallic_roughness"], layer["normal"])
+            row[4] = (layer["occlusion"], layer["emission"], 0.0, 0.0)
+            for at, slot in enumerate(SLOTS):
+                ref = getattr(m, f"{slot}_texture") or TextureRef(0)
+                c, s = np.cos(ref.rotation), np.sin(ref.rotation)
+                # columns of the 2x2 matrix: KHR_texture_transform rotates counter-clockwise with v down
+                row[6 + 2 * at] = (c * ref.scale[0], -s * ref.scale[0], s * ref.scale[1], c * ref.scale[1])
+                row[7 + 2 * at] = (*ref.offset, ref.texcoord + 2 * ref.nearest,
+                                   _WRAPS[ref.wrap_u] + 3 * _WRAPS[ref.wrap_v])
+        texture = float_table(self._context, MATERIAL_TEXELS, len(rows))
+        texture.write(rows.tobytes())
+        return texture
+
+    # -- geometry ------------------------------------------------------------------------------------------------
+
+    def _variant(self, m: Material) -> tuple:
+        textures = tuple((slot, place[0]) for slot in SLOTS if (place := self._place(m, slot)) is not None)
+        defines = [f"{slot.upper()}_MAP" for slot, _ in textures]
+        masked = m.alpha_mode != "opaque"
+        if masked:
+            defines.append("ALPHA_MASK")
+        refs = [getattr(m, f"{slot}_texture") for slot, _ in textures]
+        if any(r.texcoord or r.nearest or r.wrap_u != "repeat" or r.wrap_v != "repeat" or r.rotation
+               or r.offset != (0.0, 0.0) or r.scale != (1.0, 1.0) for r in refs):
+            defines.append("SAMPLER_EXTRAS")
+        return masked, not m.double_sided, tuple(defines), textures
+
+    def _merge(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """All instances as one vertex and one index array; fills `groups`."""
+        parts: dict[tuple, list[np.ndarray]] = {}
+        chunks: list[np.ndarray] = []
+        packed: dict[tuple[int, int], np.ndarray] = {}
+        base = 0
+        for index, instance in enumerate(scene.instances):
+            mirrored = np.linalg.det(instance.world_from_object[:3, :3]) < 0
+            for at, primitive in enumerate(scene.meshes[instance.mesh].primitives):
+                key = (instance.mesh, at)
+                if key not in packed:
+                    packed[key] = _pack_vertices(primitive)
+                vertices = packed[key].copy()
+                vertices["object_material"] = (index, primitive.material)
+                chunks.append(vertices)
+                triangles = primitive.indices[:, ::-1] if mirrored else primitive.indices
+                variant = self._variant(scene.materials[primitive.material])
+                parts.setdefault(variant, []).append((triangles + np.uint32(base)).astype(np.uint32).ravel())
+                base += len(vertices)
+        self.groups: list[DrawGroup] = []
+        self.opaque_count = 0
+        ordered: list[np.ndarray] = []
+        first = 0
+        for variant in sorted(parts):
+            masked, cull, defines, textures = variant
+            indices = np.concatenate(parts[variant])
+            ordered.append(indices)
+            self.groups.append(DrawGroup(first, len(indices), defines, textures, cull, masked))
+            first += len(indices)
+            if not masked:
+                self.opaque_count = first
+        if not chunks:
+            return np.zeros(1, _VERTEX), np.zeros(3, np.uint32)
+        return np.concatenate(chunks), np.concatenate(ordered)
+
+    # -- transforms ------------------------------------------------------------------------------------------------
+
+    def _set_rows(self, index: int, world_from_object: np.ndarray) -> None:
+        moved = np.array(world_from_object, np.float64)
+        moved[:3, 3] -= self.origin
+        self._transforms[index, :3] = moved[:3]
+
+    def move(self, instance: int, world_from_object: np.ndarray) -> None:
+        """Place an instance anew; its old place is remembered for motion vectors until the next frame."""
+        self._set_rows(instance, world_from_object)
+        self._moved = True
+
+    def upload_transforms(self) -> bool:
+        """Send changed transforms to the GPU, once a frame. Returns whether anything moves in this frame."""
+        if not self._moved and not self._settle:
+            return False
+        moved = self._moved
+        count = OBJECTS_PER_ROW * -(-len(self._transforms) // OBJECTS_PER_ROW)
+        padded = np.zeros((count, OBJECT_TEXELS, 4), np.float32)
+        padded[:len(self._transforms)] = self._transforms
+        self.objects.write(padded.tobytes())
+        # The frame after the last move still has to learn that nothing moves any more.
+        self._transforms[:, 3:] = self._transforms[:, :3]
+        self._settle, self._moved = moved, False
+        return moved
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        for owned in (*self.arrays, self.materials, self.objects, self.vertex_buffer, self.index_buffer):
+            owned.release()
+
+
+def float_table(context: moderngl.Context, width: int, height: int) -> moderngl.Texture:
+    texture = context.texture((width, max(height, 1)), 4, dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+def _pack_vertices(primitive) -> np.ndarray:
+    vertices = np.zeros(len(primitive.positions), _VERTEX)
+    vertices["position"] = primitive.positions
+    vertices["normal"] = primitive.normals
+    if primitive.tangents is not None:
+        vertices["tangent"] = primitive.tangents
+    vertices["texcoords"] = primitive.texcoords.reshape(-1, 4)
+    vertices["color"] = 1.0 if primitive.colors is None else primitive.colors
+    return vertices

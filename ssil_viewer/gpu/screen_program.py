@@ -1,0 +1,165 @@
+"""A screen pass's shader, written once and compiled as compute or as full-screen fragment shader.
+
+The shader file defines `void shade(ivec2 px)`. It reads targets through `load_NAME(px)`, learns their
+size from `size_NAME()`, and assigns the variables `out_NAME`. Everything else is generated here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import moderngl
+
+from ssil_viewer.gpu.glsl import Source, compile_compute, compile_program, expand
+from ssil_viewer.gpu.targets import FORMATS, TargetSet
+from ssil_viewer.gpu.uniforms import glsl_block
+
+Stage = Literal["compute", "fragment"]
+GROUP_SIZE = 8  # threads per side of a compute group: 64 threads suit the waves of all makers
+
+FULL_SCREEN_VERTEX = """#version 330 core
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+    gl_Position = vec4(corner, 0.0, 1.0);
+}
+"""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Everything that decides what a screen shader compiles to.
+
+    Attributes:
+        shader: File below shaders/.
+        reads: (GLSL name, format) of each target read. `HAS_NAME` is defined for each.
+        tables: (GLSL name, sampler type) of other textures.
+        writes: (GLSL name, format) of each target written.
+        uniforms: (GLSL name, type) of loose uniforms.
+        defines: Extra preprocessor definitions.
+    """
+
+    shader: str
+    reads: tuple[tuple[str, str], ...]
+    tables: tuple[tuple[str, str], ...]
+    writes: tuple[tuple[str, str], ...]
+    uniforms: tuple[tuple[str, str], ...] = ()
+    defines: tuple[tuple[str, str], ...] = ()
+
+
+def declare_reads(variant: Variant) -> list[str]:
+    """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines."""
+    lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
+    lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
+    for name, format_name in variant.reads:
+        form = FORMATS[format_name]
+        lines += [f"#define HAS_{name.upper()}", f"uniform {form.sampler} texture_{name};",
+                  f"{form.glsl} load_{name}(ivec2 px) {{ return "
+                  + form.load.format(f"texelFetch(texture_{name}, px, 0)") + "; }",
+                  f"ivec2 size_{name}() {{ return textureSize(texture_{name}, 0); }}"]
+    lines += [f"uniform {sampler} texture_{name};" for name, sampler in variant.tables]
+    lines += [f"uniform {kind} {name};" for name, kind in variant.uniforms]
+    return lines
+
+
+def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[str], list[str]]:
+    """GLSL of fragment outputs: (declarations, statements that encode `out_NAME` at the end of main)."""
+    declarations, stores = [], []
+    for at, (name, format_name) in enumerate(writes):
+        form = FORMATS[format_name]
+        declarations += [f"layout(location = {at}) out {form.raw} stored_{name};", f"{form.glsl} out_{name};"]
+        stores.append(f"stored_{name} = {form.store.format('out_' + name)};")
+    return declarations, stores
+
+
+def _source(variant: Variant, stage: Stage, block: type) -> Source:
+    if stage == "fragment":
+        declarations, stores = declare_fragment_writes(variant.writes)
+        head = ["#version 330 core", "precision highp float;"]
+        main = ["void main() {", "    shade(ivec2(gl_FragCoord.xy));", *("    " + s for s in stores), "}"]
+    else:
+        declarations, stores = [], []
+        for at, (name, format_name) in enumerate(variant.writes):
+            form = FORMATS[format_name]
+            declarations += [f"layout({form.layout}, binding = {at}) writeonly uniform {form.image} image_{name};",
+                             f"{form.glsl} out_{name};"]
+            value = form.store.format("out_" + name)
+            kind = "uvec4" if form.image.startswith("u") else "vec4"
+            padded = {1: f"{kind}({value})", 2: f"{kind}({value}, 0, 0)", 4: value}[form.components]
+            stores.append(f"imageStore(image_{name}, px, {padded});")
+        head = ["#version 430 core",
+                f"layout(local_size_x = {GROUP_SIZE}, local_size_y = {GROUP_SIZE}) in;", "#define COMPUTE"]
+        main = ["uniform ivec2 output_size;", "void main() {",
+                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
+                "    if (any(greaterThanEqual(px, output_size))) return;",
+                "    shade(px);", *("    " + s for s in stores), "}"]
+    body = [*head, *declare_reads(variant), *declarations, glsl_block(block, "frame")]
+    source = expand(variant.shader, "\n".join(body))
+    return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
+
+
+class ScreenProgram:
+    """One compiled variant of a screen pass.
+
+    Raises:
+        ShaderError: The shader does not compile.
+    """
+
+    def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type) -> None:
+        self._context = context
+        self._compute = stage == "compute"
+        source = _source(variant, stage, block)
+        self._vertex_array = None
+        if self._compute:
+            self._program = compile_compute(context, source)
+        else:
+            self._program = compile_program(context, Source(FULL_SCREEN_VERTEX, ("<full-screen triangle>",)), source)
+            self._vertex_array = context.vertex_array(self._program, [])
+        if block.__name__ in self._program:
+            self._program[block.__name__].binding = 0
+        self._units: dict[str, int] = {}
+        for name, _ in (*variant.reads, *variant.tables):
+            # The compiler drops what a variant does not use; a unit is spent on what is left only.
+            if f"texture_{name}" in self._program:
+                self._units[name] = len(self._units)
+                self._program[f"texture_{name}"].value = self._units[name]
+        self._writes = [name for name, _ in variant.writes]
+        self._values: dict[str, object] = {}
+
+    def run(self, targets: TargetSet, inputs: dict[str, moderngl.Texture], outputs: dict[str, moderngl.Texture],
+            uniforms: dict[str, object], bound: dict[int, int]) -> None:
+        """Shade every texel of the outputs, which all have one size.
+
+        Args:
+            inputs, outputs: GLSL name -> texture.
+            uniforms: GLSL name -> value.
+            bound: Texture unit -> texture name (glo) as bound so far in this frame, kept up to date here:
+                a pass that reads what the last one read binds nothing.
+        """
+        for name, unit in self._units.items():
+            texture = inputs[name]
+            if bound.get(unit) != texture.glo:
+                texture.use(unit)
+                bound[unit] = texture.glo
+        size = outputs[self._writes[0]].size
+        if self._compute:
+            uniforms = {**uniforms, "output_size": size}
+        for name, value in uniforms.items():
+            if name in self._program and self._values.get(name) != value:
+                self._program[name].value = value
+                self._values[name] = value
+        if self._compute:
+            for at, name in enumerate(self._writes):
+                outputs[name].bind_to_image(at, read=False, write=True)
+            self._program.run(-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE))
+            self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
+                                         | moderngl.FRAMEBUFFER_BARRIER_BIT)
+        else:
+            targets.framebuffer(outputs[name] for name in self._writes).use()
+            self._vertex_array.render(moderngl.TRIANGLES, 3)
+
+    def release(self) -> None:
+        """Free the program."""
+        if self._vertex_array is not None:
+            self._vertex_array.release()
+        self._program.release()

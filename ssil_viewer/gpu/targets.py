@@ -1,0 +1,157 @@
+"""Render targets: their formats, their declaration by a pass, their allocation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Iterable, Literal
+
+import moderngl
+
+from ssil_viewer.settings import Settings
+
+
+@dataclass(frozen=True)
+class Format:
+    """How a target is stored, and how shaders see it.
+
+    Shaders read a target through a generated `load_NAME(ivec2 px)` and write it through a generated
+    `out_NAME` variable, both of the decoded type; only this table knows about encodings.
+
+    Attributes:
+        components, dtype: moderngl's description of the storage.
+        glsl: Decoded type in shaders.
+        raw: Type of one stored texel: a fragment output or the argument of the encoder.
+        sampler, image, layout: GLSL types and image format qualifier.
+        load: Expression for the decoded value; {} is the fetched 4-vector.
+        store: Expression for the stored value; {} is the decoded one.
+        texel_bytes: Size of one texel.
+    """
+
+    components: int
+    dtype: str
+    glsl: str
+    raw: str
+    sampler: str
+    image: str
+    layout: str
+    load: str
+    store: str
+    texel_bytes: int
+
+
+FORMATS: dict[str, Format] = {
+    "surface": Format(2, "u4", "Surface", "uvec2", "usampler2D", "uimage2D", "rg32ui",
+                      "decode_surface({}.xy)", "encode_surface({})", 8),
+    "rgb9e5": Format(1, "u4", "vec3", "uint", "usampler2D", "uimage2D", "r32ui",
+                     "decode_rgb9e5({}.x)", "encode_rgb9e5({})", 4),
+    "reflectance": Format(4, "f1", "vec4", "vec4", "sampler2D", "image2D", "rgba8",
+                          "decode_reflectance({})", "encode_reflectance({})", 4),
+    "rgba8": Format(4, "f1", "vec4", "vec4", "sampler2D", "image2D", "rgba8", "{}", "{}", 4),
+    "rgba16f": Format(4, "f2", "vec4", "vec4", "sampler2D", "image2D", "rgba16f", "{}", "{}", 8),
+    "rgba32f": Format(4, "f4", "vec4", "vec4", "sampler2D", "image2D", "rgba32f", "{}", "{}", 16),
+    "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
+}
+
+Extent = Literal["image", "pyramid", "coarse", "gather"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A texture that a pass writes.
+
+    Attributes:
+        format: Key of `FORMATS`.
+        meaning: What a texel holds, with unit and space, and what background holds.
+        extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
+            gather: starting level to the last.
+        history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
+        optional: Allocated only when somebody asked the pipeline for it.
+    """
+
+    format: str
+    meaning: str
+    extent: Extent = "image"
+    history: bool = False
+    optional: bool = False
+
+    def levels(self, settings: Settings) -> range:
+        """Levels that exist under these settings."""
+        last = settings.last_level
+        return {"image": range(0, 1), "pyramid": range(0, last + 1), "coarse": range(1, last + 1),
+                "gather": range(settings.start_level, last + 1)}[self.extent]
+
+
+def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
+    """Size of a pyramid level: ceil(size / 2^level), so that no texel of a finer level is dropped."""
+    return -(-size[0] // 2**level), -(-size[1] // 2**level)
+
+
+class TargetSet:
+    """All allocated targets of one image size and one set of settings."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings,
+                 targets: dict[str, Target]) -> None:
+        self._context = context
+        self.size = size
+        self.targets = targets
+        self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._current: dict[tuple[str, int], moderngl.Texture] = {}
+        self._previous: dict[str, moderngl.Texture] = {}
+        self._depth_buffer: moderngl.Texture | None = None
+        for name, target in targets.items():
+            for level in target.levels(settings):
+                self._current[name, level] = self._create(target, level)
+            if target.history:
+                self._previous[name] = self._create(target, 0)
+
+    def _create(self, target: Target, level: int) -> moderngl.Texture:
+        form = FORMATS[target.format]
+        texture = self._context.texture(level_size(self.size, level), form.components, dtype=form.dtype)
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
+    def texture(self, name: str, level: int = 0) -> moderngl.Texture:
+        """The texture of a target; `NAME@previous` is the one of the frame before.
+
+        Raises:
+            KeyError: No such target, or not at this level.
+        """
+        if name.endswith("@previous"):
+            return self._previous[name.removesuffix("@previous")]
+        return self._current[name, level]
+
+    def has(self, name: str, level: int = 0) -> bool:
+        """Whether `texture` would find it."""
+        return name.removesuffix("@previous") in self._previous if "@" in name else (name, level) in self._current
+
+    def swap_histories(self) -> None:
+        """Make this frame's textures the previous ones."""
+        for name, previous in self._previous.items():
+            self._previous[name], self._current[name, 0] = self._current[name, 0], previous
+
+    def framebuffer(self, textures: Iterable[moderngl.Texture], depth: bool = False) -> moderngl.Framebuffer:
+        """The framebuffer object with these color attachments, made once."""
+        colors = list(textures)
+        key = (*(t.glo for t in colors), int(depth))
+        if key not in self._framebuffers:
+            if depth and self._depth_buffer is None:
+                self._depth_buffer = self._context.depth_texture(self.size)
+            self._framebuffers[key] = self._context.framebuffer(colors, self._depth_buffer if depth else None)
+        return self._framebuffers[key]
+
+    def bytes(self) -> dict[str, int]:
+        """Bytes of each target, all levels and histories together, and of the depth buffer."""
+        total: dict[str, int] = {"depth_buffer": 4 * self.size[0] * self.size[1]}
+        for (name, level), texture in self._current.items():
+            copies = 2 if level == 0 and name in self._previous else 1
+            size = FORMATS[self.targets[name].format].texel_bytes * texture.size[0] * texture.size[1]
+            total[name] = total.get(name, 0) + copies * size
+        return total
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        for owned in (*self._framebuffers.values(), *self._current.values(), *self._previous.values(),
+                      self._depth_buffer):
+            if owned is not None:
+                owned.release()

@@ -1,0 +1,111 @@
+"""What a pass is: a declaration of what it reads and writes, and the work of one frame.
+
+From the declaration the pipeline checks the order, allocates, binds by name, times, and offers every texture to
+the inspector; a pass contains nothing of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import Frame
+
+
+@dataclass(frozen=True)
+class Read:
+    """A target that a screen pass reads.
+
+    Attributes:
+        targets: Names, the first one whose writer runs is taken. `NAME@previous` is last frame's.
+        offset: Level read minus level written; None reads level 0 always.
+        optional: The shader copes without (`HAS_NAME` is not defined then).
+    """
+
+    targets: tuple[str, ...]
+    offset: int | None = 0
+    optional: bool = False
+
+    @staticmethod
+    def of(*targets: str, offset: int | None = 0, optional: bool = False) -> Read:
+        """A read of the first of `targets` that exists."""
+        return Read(targets, offset, optional)
+
+
+@dataclass(frozen=True)
+class Dispatch:
+    """One run of a screen pass's shader.
+
+    Attributes:
+        level: Pyramid level written.
+        uniforms: Values of the loose uniforms.
+        defines: Preprocessor definitions: each combination is a program of its own.
+        omit: GLSL names of optional reads and writes that this run does without.
+    """
+
+    level: int = 0
+    uniforms: dict[str, object] = field(default_factory=dict)
+    defines: tuple[tuple[str, str], ...] = ()
+    omit: frozenset[str] = frozenset()
+
+
+class Pass:
+    """A step of the frame.
+
+    Attributes:
+        name: Under which it is timed and shown.
+        writes: Targets it owns; names are unique in the whole frame.
+        extends: Targets of earlier passes of which it writes further levels.
+    """
+
+    name: ClassVar[str]
+    writes: ClassVar[dict[str, Target]] = {}
+    extends: ClassVar[tuple[str, ...]] = ()
+
+    def enabled(self, settings: Settings) -> bool:
+        """Whether the frame needs this pass."""
+        return True
+
+    def target_reads(self) -> Iterable[Read]:
+        """Declared reads, for the pipeline's check of the order."""
+        return ()
+
+    def execute(self, frame: Frame) -> None:
+        """Do the work of one frame."""
+        raise NotImplementedError
+
+
+class ScreenPass(Pass):
+    """A pass whose shader is a function of the pixel (gpu/screen_program.py).
+
+    Attributes:
+        shader: File below shaders/.
+        reads: GLSL name -> target read.
+        tables: GLSL name -> sampler type, of textures that are not targets (`Frame.tables`).
+        uniforms: GLSL name -> type, of values that differ between dispatches.
+    """
+
+    shader: ClassVar[str]
+    reads: ClassVar[dict[str, Read]] = {}
+    tables: ClassVar[dict[str, str]] = {}
+    uniforms: ClassVar[dict[str, str]] = {}
+
+    def target_reads(self) -> Iterable[Read]:
+        return self.reads.values()
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        """The runs of one frame, in order."""
+        yield Dispatch()
+
+    def execute(self, frame: Frame) -> None:
+        for dispatch in self.dispatches(frame):
+            frame.dispatch(self, dispatch)
+
+
+def switch(name: str, value: str, choices: tuple[str, ...]) -> tuple[str, str]:
+    """A preprocessor definition that numbers a choice: ("MIP_FILTER", "1")."""
+    return name, str(choices.index(value))

@@ -1,0 +1,36 @@
+"""The picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import Frame
+
+
+class Composite(ScreenPass):
+    """final = direct + albedo * irradiance / pi, then exposure, tone curve and sRGB encoding."""
+
+    name = "composite"
+    shader = "passes/composite.glsl"
+    reads = {"direct": Read.of("direct"), "albedo": Read.of("albedo", optional=True),
+             "irradiance": Read.of("irradiance", "upsample", optional=True)}
+    writes = {
+        "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True),
+        "display": Target("rgba8", "the picture, sRGB-encoded"),
+    }
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect")),
+                   switch("TONE_MAP", frame.settings.tone_map, ("aces", "neutral", "reinhard", "linear"))]
+        omit: set[str] = set()
+        if frame.settings.bounces == 0:
+            omit |= {"albedo", "irradiance"}
+        if frame.has_target("final"):
+            defines.append(("WRITE_FINAL", ""))
+        else:
+            omit.add("final")
+        yield Dispatch(0, {}, tuple(defines), frozenset(omit))

@@ -1,0 +1,37 @@
+"""The indirect light of each level."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import Frame
+
+
+class Gather(ScreenPass):
+    """Monte-Carlo estimate of the irradiance from a disc at the starting level and from a ring at each coarser one.
+
+    Source: Soler et al. 2010, "one gather per level", point-to-disc form factors. Samples: a Vogel spiral whose
+    rotation and radial offset differ in each of 4x4 pixels (docs/method/gather.md).
+    """
+
+    name = "gather"
+    shader = "passes/gather.glsl"
+    reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
+    writes = {"gather": Target("rgb9e5", "irradiance from this level's disc or ring, W m^-2", "gather")}
+    uniforms = {"texel": "float", "inner_radius": "float"}
+
+    def enabled(self, settings: Settings) -> bool:
+        return settings.bounces > 0
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        chosen = switch("FORM_FACTOR", frame.settings.form_factor, ("disc", "point"))
+        first = frame.settings.start_level
+        for level in range(first, frame.settings.last_level + 1):
+            # The inner half of a ring was covered by the finer level, whose texels are half as wide
+            inner = 0.0 if level == first else frame.radius / 2
+            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, (chosen,))

@@ -1,0 +1,35 @@
+"""The pyramid of the extended G-buffer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import Frame
+
+
+class Mipmap(ScreenPass):
+    """Levels 1 to the last one of depth, normal and radiance; geometry by vote, radiance by average.
+
+    Source: Soler et al. 2010, "voting mipmaps". The weights are our own (docs/method/mipmap.md).
+    """
+
+    name = "mipmap"
+    shader = "passes/mipmap.glsl"
+    reads = {"surface": Read.of("surface", offset=-1), "radiance": Read.of("radiance", offset=-1)}
+    extends = ("surface", "radiance")
+    writes = {"winner": Target("index8", "which of its four finer texels a texel kept: x + 2 y", "coarse")}
+    uniforms = {"texel": "float"}
+
+    def enabled(self, settings: Settings) -> bool:
+        return settings.bounces > 0
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
+        for level in range(1, frame.settings.last_level + 1):
+            # texel: width of a texel that is read, in level-0 pixels
+            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,))

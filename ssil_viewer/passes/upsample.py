@@ -1,0 +1,46 @@
+"""From the levels' irradiance to the image's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import Frame
+
+
+class Upsample(ScreenPass):
+    """Cross-bilateral filtering, coarsest level first: denoise a level, add what the coarser ones sum to.
+
+    Source: Soler et al. 2010, "hierarchical upsampling"; Eisemann and Durand 2004 for the cross-bilateral filter.
+    Differs: each level is denoised over the 4x4 block in which its sample rotations repeat, at its own resolution
+    where that is cheap, so that the steps to full resolution need four taps only.
+    """
+
+    name = "upsample"
+    shader = "passes/upsample.glsl"
+    reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True),
+             "coarse_surface": Read.of("surface", offset=1, optional=True),
+             "coarse": Read.of("upsample", offset=1, optional=True),
+             "albedo": Read.of("albedo", optional=True)}
+    writes = {"upsample": Target("rgb9e5", "irradiance from this level and all coarser ones, W m^-2", "pyramid")}
+    uniforms = {"texel": "float"}
+
+    def enabled(self, settings: Settings) -> bool:
+        return settings.bounces > 0
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
+        last = frame.settings.last_level
+        for level in range(last, -1, -1):
+            omit = set()
+            if level == last:
+                omit |= {"coarse", "coarse_surface"}
+            if level < frame.settings.start_level:
+                omit.add("gather")
+            if level > 0 or not frame.scene.has_occlusion_maps:
+                omit.add("albedo")
+            yield Dispatch(level, {"texel": float(2**level)}, (chosen,), frozenset(omit))

@@ -1,0 +1,60 @@
+"""Small scenes made of rectangles, for tests with known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssil_viewer.scene.model import Instance, Light, Material, Mesh, Primitive, Scene
+
+
+def rectangle(corner, edge_u, edge_v, material: int = 0, steps: int = 1) -> Primitive:
+    """A parallelogram whose front face looks along edge_u x edge_v."""
+    corner, edge_u, edge_v = (np.asarray(v, np.float64) for v in (corner, edge_u, edge_v))
+    grid = np.linspace(0, 1, steps + 1)
+    v, u = np.meshgrid(grid, grid, indexing="ij")
+    positions = corner + u.reshape(-1, 1) * edge_u + v.reshape(-1, 1) * edge_v
+    normal = np.cross(edge_u, edge_v)
+    normal /= np.linalg.norm(normal)
+    at = np.arange(steps)
+    row, column = np.meshgrid(at, at, indexing="ij")
+    a = (row * (steps + 1) + column).ravel()
+    b, c, d = a + 1, a + steps + 2, a + steps + 1
+    indices = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    texcoords = np.zeros((len(positions), 2, 2), np.float32)
+    texcoords[:, 0, 0], texcoords[:, 0, 1] = u.ravel(), v.ravel()
+    return Primitive(positions.astype(np.float32), np.tile(normal, (len(positions), 1)).astype(np.float32), None,
+                     texcoords, None, indices.astype(np.uint32), material)
+
+
+def box(center, size, material: int = 0, inward: bool = False) -> tuple[Primitive, ...]:
+    """Six faces; `inward` makes a room."""
+    c, s = np.asarray(center, np.float64), np.asarray(size, np.float64)
+    faces = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            u, v = np.zeros(3), np.zeros(3)
+            u[(axis + 1) % 3], v[(axis + 2) % 3] = s[(axis + 1) % 3], s[(axis + 2) % 3]
+            if (sign < 0) != inward:
+                u, v = v, u
+            middle = c.copy()
+            middle[axis] += sign * s[axis] / 2
+            faces.append(rectangle(middle - (u + v) / 2, u, v, material))
+    return tuple(faces)
+
+
+def scene(primitives, materials, lights: tuple[Light, ...] = (), name: str = "test") -> Scene:
+    """One mesh at the origin."""
+    return Scene(name, meshes=(Mesh("all", tuple(primitives)),), instances=(Instance("all", 0, np.eye(4)),),
+                 materials=tuple(materials), lights=tuple(lights))
+
+
+def cornell() -> Scene:
+    """A box of 2 m with red and green walls, two blocks and a point light; the camera looks along -Z."""
+    white, red, green = (Material(name=n, base_color=(*c, 1.0), specular=0.0) for n, c in (
+        ("white", (0.73, 0.73, 0.73)), ("red", (0.63, 0.065, 0.05)), ("green", (0.14, 0.45, 0.09))))
+    walls = [rectangle((-1, -1, 1), (2, 0, 0), (0, 0, -2)), rectangle((-1, 1, -1), (2, 0, 0), (0, 0, 2)),
+             rectangle((-1, -1, -1), (2, 0, 0), (0, 2, 0)), rectangle((-1, -1, 1), (0, 0, -2), (0, 2, 0), 1),
+             rectangle((1, -1, -1), (0, 0, 2), (0, 2, 0), 2)]
+    blocks = [*box((-0.35, -0.4, -0.35), (0.6, 1.2, 0.6)), *box((0.4, -0.7, 0.3), (0.6, 0.6, 0.6))]
+    return scene(walls + blocks, (white, red, green), (Light("point", intensity=3.0, position=(0.0, 0.9, 0.0)),),
+                 "cornell")
