@@ -33,7 +33,6 @@ test:
 lint:
 	@sh tools/setup.sh test
 	$(PY) -m ruff check .
-	$(PY) -m ruff format --check ssil_viewer/cli.py ssil_viewer/commands ssil_viewer/output.py
 
 docs:
 	@sh tools/setup.sh run

@@ -37,7 +37,7 @@ _HOME = {
 __all__ = [
     "Camera", "Light", "Renderer", "Scene", "Settings", "UserError", "create_headless_context", "default_camera",
     "load_preset", "load_scene", "load_settings", "render",
-]  # fmt: skip
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -60,9 +60,9 @@ def check_fits(size: tuple[int, int], settings: Settings, explicit: Collection[s
     if fitting >= 1:
         advice = f"give at most {fitting} level{'s' if fitting > 1 else ''}, or a larger --size"
         raise UserError(f"{settings.levels} levels from start level {settings.start_level} do not fit {image}",
-                        "--levels", advice)  # fmt: skip
+                        "--levels", advice)
     raise UserError(f"start level {settings.start_level} does not fit {image}", "--start-level",
-                    f"give at most {coarsest} with --levels 1, or a larger --size")  # fmt: skip
+                    f"give at most {coarsest} with --levels 1, or a larger --size")
 
 
 def load(source: str) -> Scene:
