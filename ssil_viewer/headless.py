@@ -1,0 +1,83 @@
+"""Rendering without a window: scene, camera and settings in, named numpy arrays out."""
+
+from __future__ import annotations
+
+from typing import Callable
+
+import moderngl
+import numpy as np
+
+from ssil_viewer.buffers import BUFFERS
+from ssil_viewer.gpu.context import create_headless_context
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.framing import default_camera
+from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.settings import Settings
+
+DEFAULT_SIZE = (1280, 720)
+
+
+def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
+           camera: Camera | None = None, frames: int = 1,
+           context: moderngl.Context | None = None) -> dict[str, np.ndarray]:
+    """Render a scene to arrays.
+
+    Args:
+        size: Width and height in pixels.
+        camera: The scene's first camera, or a view of all of it, when None.
+        frames: Frames rendered before the result is taken; the temporal filter averages over them.
+        context: An OpenGL context to use; one is made and released otherwise.
+
+    Returns:
+        Name -> array, row 0 = top: every buffer of `ssil_viewer.buffers.BUFFERS` at level 0, linear float32, (H, W)
+        or (H, W, C), and "display", (H, W, 3) uint8, sRGB-encoded.
+
+    Raises:
+        UserError: No OpenGL, or a size or camera that cannot be rendered.
+    """
+    own = context is None
+    context = context or create_headless_context()
+    try:
+        renderer = Renderer(context, size, settings, keep=("final",))
+        try:
+            renderer.set_scene(scene)
+            render_frames(renderer, camera or default_camera(scene), frames)
+            return read_all(renderer)
+        finally:
+            renderer.release()
+    finally:
+        if own:
+            context.release()
+
+
+def render_frames(renderer: Renderer, camera: Camera, frames: int,
+                  progress: Callable[[int], None] = lambda done: None) -> None:
+    """Render the same view several times; `progress` hears the number of frames done."""
+    for done in range(frames):
+        renderer.render(camera)
+        progress(done + 1)
+
+
+def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
+    """All buffers of the last frame at level 0, and the picture; see `render`.
+
+    A buffer that the settings leave out, such as `indirect` without bounces, is zero.
+    """
+    width, height = renderer.size
+    available = renderer.buffers()
+    arrays = {}
+    for name, buffer in BUFFERS.items():
+        info = available.get(name)
+        if info is not None and 0 in info.levels:
+            arrays[name] = renderer.read(name)
+        elif name in ("final", "indirect"):
+            arrays[name] = np.zeros((height, width, len(buffer.channels)), np.float32)
+    arrays["display"] = read_display(renderer)
+    return arrays
+
+
+def read_display(renderer: Renderer) -> np.ndarray:
+    """The picture of the last frame: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
+    width, height = renderer.size
+    data = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
+    return np.ascontiguousarray(data[::-1, :, :3])
