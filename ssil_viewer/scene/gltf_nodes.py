@@ -1,0 +1,292 @@
+"""The node hierarchy of a glTF asset: world transforms, instances, cameras and lights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssil_viewer.scene.files import Malformed
+from ssil_viewer.scene.gltf_accessors import read_accessor
+from ssil_viewer.scene.gltf_document import (
+    Document,
+    extension,
+    index_at,
+    list_at,
+    number_at,
+    object_at,
+    text_at,
+    vector_at,
+)
+from ssil_viewer.scene.model import Camera, Light
+
+ORTHOGRAPHIC_FOV = math.radians(10.0)
+"""Vertical angle of the perspective camera that stands in for an orthographic one: small, so that lines that are
+parallel stay nearly so, and large enough for the depth buffer."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedNode:
+    """A node of the active scene.
+
+    Attributes:
+        index: Index into "nodes".
+        json: The node.
+        world_from_node: (4, 4) float64.
+    """
+
+    index: int
+    json: dict
+    world_from_node: np.ndarray
+
+    @property
+    def name(self) -> str:
+        return text_at(self.json, "name") or f"node {self.index}"
+
+
+def place_nodes(document: Document) -> tuple[list[PlacedNode], dict[int, np.ndarray]]:
+    """Walks the hierarchy, without recursion, since chains may be thousands long.
+
+    Returns:
+        The nodes of the active scene, parents first, and the (4, 4) world transform of every node of the file
+        that has one: joints may stand outside of the active scene.
+    """
+    parentless = _parentless(document)
+    worlds: dict[int, np.ndarray] = {}
+    placed = _walk(document, _scene_roots(document, parentless), worlds)
+    _walk(document, [index for index in parentless if index not in worlds], worlds)
+    return placed, worlds
+
+
+def _parentless(document: Document) -> list[int]:
+    """Indices of the nodes that are nobody's child."""
+    children: set[int] = set()
+    nodes = list_at(document.json, "nodes")
+    for node in nodes:
+        listed = node.get("children") if isinstance(node, dict) else None
+        if isinstance(listed, list):
+            children.update(child for child in listed if isinstance(child, int))
+    return [index for index in range(len(nodes)) if index not in children]
+
+
+def _scene_roots(document: Document, parentless: list[int]) -> list:
+    """The root nodes of the active scene; all nodes without parent when the file has no scenes."""
+    scenes = list_at(document.json, "scenes")
+    if not scenes:
+        return parentless
+    active = index_at(document.json, "scene") or 0
+    if active >= len(scenes):
+        document.warnings.add("the active scene does not exist, the first is shown", f"scene {active}")
+        active = 0
+    if len(scenes) > 1:
+        document.warnings.add(f"only one of the file's {len(scenes)} scenes is shown", f"scene {active}")
+    return list_at(document.entry("scenes", active), "nodes")
+
+
+def _walk(document: Document, roots: list, worlds: dict[int, np.ndarray]) -> list[PlacedNode]:
+    """Places the nodes below `roots`; extends `worlds`. Each node is placed once, so that cycles end."""
+    placed = []
+    stack = [(root, None) for root in reversed(roots)]
+    while stack:
+        index, parent = stack.pop()
+        try:
+            if isinstance(index, bool) or not isinstance(index, int):
+                raise Malformed(f"{index!r} is not a node")
+            entry = document.entry("nodes", index)
+            if index in worlds:
+                raise Malformed(f"nodes[{index}] has several parents or is its own descendant")
+            local = local_transform(document, entry, index)
+            world = local if parent is None else parent @ local
+            if not np.all(np.isfinite(world)):
+                raise Malformed(f"nodes[{index}] has a transform that is not finite")
+            children = list_at(entry, "children")
+        except Malformed as problem:
+            document.warnings.add("a node was skipped", str(problem))
+            continue
+        worlds[index] = world
+        placed.append(PlacedNode(index, entry, world))
+        stack.extend((child, world) for child in reversed(children))
+    return placed
+
+
+def local_transform(document: Document, node: dict, index: int) -> np.ndarray:
+    """The (4, 4) float64 parent_from_node matrix.
+
+    Raises:
+        Malformed: The numbers are not numbers.
+    """
+    trs = [key for key in ("translation", "rotation", "scale") if key in node]
+    if "matrix" in node:
+        if trs:
+            document.warnings.add("a node has both a matrix and other transforms, the matrix is used", f"node {index}")
+        return np.array(vector_at(node, "matrix", (0.0,) * 16)).reshape(4, 4).T
+    if not trs:
+        return np.eye(4)
+    rotation = np.array([vector_at(node, "rotation", (0.0, 0.0, 0.0, 1.0))])
+    length = math.hypot(*rotation[0])
+    if not 0.99 < length < 1.01:
+        document.warnings.add("a rotation is not a unit quaternion and was normalised", f"node {index}")
+    return compose(
+        np.array([vector_at(node, "translation", (0.0, 0.0, 0.0))]),
+        rotation,
+        np.array([vector_at(node, "scale", (1.0, 1.0, 1.0))]),
+    )[0]
+
+
+def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Matrices T R S from (N, 3) translations, (N, 4) quaternions xyzw and (N, 3) scales: (N, 4, 4) float64.
+
+    Quaternions are normalised; a zero one is no rotation.
+    """
+    length = np.linalg.norm(rotation, axis=1, keepdims=True)
+    x, y, z, w = np.where(length > 0.0, rotation / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 0.0, 1.0)).T
+    matrices = np.zeros((len(translation), 4, 4))
+    matrices[:, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    matrices[:, 0, 1] = 2.0 * (x * y - z * w)
+    matrices[:, 0, 2] = 2.0 * (x * z + y * w)
+    matrices[:, 1, 0] = 2.0 * (x * y + z * w)
+    matrices[:, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    matrices[:, 1, 2] = 2.0 * (y * z - x * w)
+    matrices[:, 2, 0] = 2.0 * (x * z - y * w)
+    matrices[:, 2, 1] = 2.0 * (y * z + x * w)
+    matrices[:, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    matrices[:, :3, :3] *= scale[:, None, :]
+    matrices[:, :3, 3] = translation
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def instance_transforms(document: Document, node: PlacedNode) -> np.ndarray:
+    """World transforms at which a node's mesh is drawn, (N, 4, 4): one, or those of EXT_mesh_gpu_instancing.
+
+    Raises:
+        Malformed: The instance attributes cannot be read.
+    """
+    instancing = extension(node.json, "EXT_mesh_gpu_instancing")
+    if instancing is None:
+        return node.world_from_node[None]
+    attributes = object_at(instancing, "attributes")
+    arrays = {}
+    for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3")):
+        if key in attributes:
+            arrays[key] = read_accessor(document, index_at(attributes, key), (kind,)).astype(np.float64)
+    counts = {len(array) for array in arrays.values()}
+    if len(counts) != 1:
+        raise Malformed("the instance attributes are absent or differ in length")
+    count = counts.pop()
+    locals_ = compose(
+        arrays.get("TRANSLATION", np.zeros((count, 3))),
+        arrays.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
+        arrays.get("SCALE", np.ones((count, 3))),
+    )
+    worlds = node.world_from_node @ locals_
+    finite = np.all(np.isfinite(worlds), axis=(1, 2))
+    if not finite.all():
+        document.warnings.add("instances with transforms that are not finite were dropped", node.name)
+    return worlds[finite]
+
+
+def _axis(matrix: np.ndarray, column: int) -> np.ndarray:
+    """A column of a transform as a unit vector.
+
+    Raises:
+        Malformed: The transform flattens it.
+    """
+    vector = matrix[:3, column]
+    length = np.linalg.norm(vector)
+    if not length > 0.0:
+        raise Malformed("its transform has no direction")
+    return vector / length
+
+
+def read_cameras(document: Document, nodes: list[PlacedNode], center: np.ndarray) -> tuple[Camera, ...]:
+    """The cameras of the active scene, in node order.
+
+    Args:
+        document: The asset.
+        nodes: The placed nodes.
+        center: (3,) middle of the scene: cameras get the point nearest to it on their line of sight as target.
+    """
+    cameras = []
+    for node in nodes:
+        if "camera" not in node.json:
+            continue
+        try:
+            cameras.append(_camera(document, node, center))
+        except Malformed as problem:
+            document.warnings.add("a camera was skipped", f"{node.name}: {problem}")
+    return tuple(cameras)
+
+
+def _camera(document: Document, node: PlacedNode, center: np.ndarray) -> Camera:
+    entry = document.entry("cameras", index_at(node.json, "camera"))
+    name = text_at(node.json, "name") or text_at(entry, "name") or f"camera {node.index}"
+    eye = node.world_from_node[:3, 3]
+    forward = -_axis(node.world_from_node, 2)
+    up = _axis(node.world_from_node, 1)
+    distance = float((center - eye) @ forward)
+    kind = entry.get("type")
+    near: float | None = None
+    if kind == "perspective":
+        lens = object_at(entry, "perspective")
+        fov = number_at(lens, "yfov", math.radians(45.0))
+        if not 0.0 < fov < math.pi:
+            raise Malformed("its field of view is out of range")
+        near = number_at(lens, "znear", 0.0)
+        near = near if near > 0.0 else None
+    elif kind == "orthographic":
+        document.warnings.add("an orthographic camera is replaced by a distant perspective one", name)
+        half_height = abs(number_at(object_at(entry, "orthographic"), "ymag", 1.0)) or 1.0
+        fov = ORTHOGRAPHIC_FOV
+        on_axis = eye + forward * max(distance, 0.0)
+        distance = half_height / math.tan(fov / 2.0)
+        eye = on_axis - forward * distance
+    else:
+        raise Malformed(f"its type {kind!r} is unknown")
+    target = eye + forward * (distance if distance > 0.0 else 1.0)
+    return Camera(name, tuple(eye.tolist()), tuple(target.tolist()), tuple(up.tolist()), fov, near)
+
+
+def read_lights(document: Document, nodes: list[PlacedNode]) -> tuple[Light, ...]:
+    """The KHR_lights_punctual lights of the active scene, in node order."""
+    lights = []
+    for node in nodes:
+        try:
+            reference = extension(node.json, "KHR_lights_punctual")
+            if reference is not None:
+                lights.append(_light(document, node, index_at(reference, "light")))
+        except Malformed as problem:
+            document.warnings.add("a light was skipped", f"{node.name}: {problem}")
+    return tuple(lights)
+
+
+def _light(document: Document, node: PlacedNode, index: int | None) -> Light:
+    entries = list_at(extension(document.json, "KHR_lights_punctual") or {}, "lights")
+    if index is None or index >= len(entries) or not isinstance(entries[index], dict):
+        raise Malformed(f"light {index} does not exist")
+    entry = entries[index]
+    kind = entry.get("type")
+    if kind not in ("directional", "point", "spot"):
+        raise Malformed(f"its type {kind!r} is unknown")
+    intensity = number_at(entry, "intensity", 1.0)
+    color = vector_at(entry, "color", (1.0, 1.0, 1.0))
+    reach = number_at(entry, "range", math.inf)
+    spot = object_at(entry, "spot")
+    inner = number_at(spot, "innerConeAngle", 0.0)
+    outer = number_at(spot, "outerConeAngle", math.pi / 4.0)
+    if intensity < 0.0 or min(color) < 0.0 or reach <= 0.0:
+        raise Malformed("its intensity, colour or range is negative")
+    if kind == "spot" and not 0.0 <= inner < outer <= math.pi / 2.0 + 1e-6:
+        raise Malformed("its cone angles are out of range")
+    return Light(
+        kind=kind,
+        name=text_at(node.json, "name") or text_at(entry, "name") or f"light {index}",
+        color=color,
+        intensity=intensity,
+        position=tuple(node.world_from_node[:3, 3].tolist()),
+        direction=(0.0, -1.0, 0.0) if kind == "point" else tuple((-_axis(node.world_from_node, 2)).tolist()),
+        range=reach,
+        inner_cone=inner,
+        outer_cone=min(outer, math.pi / 2.0),
+    )

@@ -1,0 +1,43 @@
+"""Lights of a scene as a whole: whether anything shines, and a sun for scenes where nothing does."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ssil_viewer.scene.model import Light, Scene
+
+SUN_ELEVATION = math.radians(50.0)
+SUN_AZIMUTH = math.radians(35.0)
+"""Direction of the default sun, from +Z towards +X: beside and behind a viewer who looks along -Z."""
+
+SUN_IRRADIANCE = 3.0 * math.pi
+"""W m^-2 at normal incidence: white Lambertian ground at 50 degrees then has radiance 2.3."""
+
+SKY_RADIANCE = (0.35, 0.45, 0.6)
+"""The backdrop of scenes lit by the default sun: a soft blue, darker than what the sun lights."""
+
+
+def shines(scene: Scene) -> bool:
+    """Whether the scene has a light, or a surface that emits."""
+    used = {primitive.material for mesh in scene.meshes for primitive in mesh.primitives}
+    return bool(scene.lights) or any(max(scene.materials[index].emission) > 0.0 for index in used)
+
+
+def with_default_light(scene: Scene) -> Scene:
+    """The scene itself when something in it shines, else with a sun, a backdrop, and a warning that says so."""
+    if shines(scene):
+        return scene
+    horizontal = math.cos(SUN_ELEVATION)
+    sun = Light(
+        kind="directional",
+        name="default sun",
+        intensity=SUN_IRRADIANCE,
+        direction=(
+            -horizontal * math.sin(SUN_AZIMUTH),
+            -math.sin(SUN_ELEVATION),
+            -horizontal * math.cos(SUN_AZIMUTH),
+        ),
+    )
+    warning = "nothing in the scene shines, so a default sun was added"
+    return replace(scene, lights=(sun,), background=SKY_RADIANCE, warnings=(*scene.warnings, warning))

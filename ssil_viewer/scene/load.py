@@ -1,0 +1,60 @@
+"""Finds out what a scene file is and has it loaded."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.resources import asset_path
+from ssil_viewer.scene.gltf import load_gltf
+from ssil_viewer.scene.lights import with_default_light
+from ssil_viewer.scene.model import Scene
+
+BUILTIN_PREFIX = "builtin:"
+
+BUILTIN_SCENES = {
+    "atrium": "A sunlit colonnaded courtyard with cloth banners: colour bleeding on a large scale",
+    "cornell": "The Cornell box with its area light: the classic check of one and two bounces",
+    "arch": "An archway between a bright and a dark room: light that must not leak",
+    "glossy": "Rough and polished surfaces side by side: glossy indirect reflections",
+}
+"""Name -> what it shows."""
+
+
+def load_scene(source: str | Path) -> Scene:
+    """Loads a scene.
+
+    Args:
+        source: A file, or "builtin:NAME" with a name of `BUILTIN_SCENES`.
+
+    Returns:
+        The scene, with a default light (and a warning) when it has nothing that shines.
+
+    Raises:
+        UserError: The file is missing, of an unknown kind, broken, or without geometry.
+    """
+    name = str(source)
+    path = _builtin_path(name) if name.startswith(BUILTIN_PREFIX) else Path(source).expanduser()
+    # Broken files hold infinities; they are looked for explicitly, so numpy need not remark on them.
+    with np.errstate(all="ignore"):
+        try:
+            return with_default_light(_load_file(path, name))
+        except MemoryError as error:
+            raise UserError("there is not enough memory for the scene", str(path)) from error
+
+
+def _builtin_path(name: str) -> Path:
+    short = name.removeprefix(BUILTIN_PREFIX)
+    if short not in BUILTIN_SCENES:
+        near = difflib.get_close_matches(short, BUILTIN_SCENES, 1, 0.5)
+        guess = f"did you mean {BUILTIN_PREFIX}{near[0]}? " if near else ""
+        known = " ".join(BUILTIN_PREFIX + known for known in BUILTIN_SCENES)
+        raise UserError("there is no such built-in scene", name, f"{guess}There are {known}")
+    return asset_path("scenes", f"{short}.glb")
+
+
+def _load_file(path: Path, name: str) -> Scene:
+    return load_gltf(path, name)
