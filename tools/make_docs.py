@@ -33,6 +33,7 @@ file, flags.
 *textures* (and with them the history).
 """
 
+_COLUMNS = "| flag | values | default | after a change | what it does |\n|---|---|---|---|---|"
 _AFFECTS = {"display": "nothing", "history": "history", "resources": "textures"}
 
 
@@ -40,7 +41,7 @@ def settings_page() -> str:
     """The text of docs/settings.md."""
     parts = [_HEAD]
     for group in dict.fromkeys(info.knob.group for info in knobs()):
-        parts.append(f"\n## {group}\n\n| flag | values | default | after a change | what it does |\n|---|---|---|---|---|\n")
+        parts.append(f"\n## {group}\n\n{_COLUMNS}\n")
         parts += [_row(info) for info in knobs() if info.knob.group == group]
     parts.append("\n## Presets\n\n| name | what for | sets |\n|---|---|---|\n")
     for name, path in presets().items():
@@ -56,7 +57,8 @@ def _row(info: KnobInfo) -> str:
         flag = f"`{info.flag}`, `--no-{info.flag.removeprefix('--')}`"
         values, default = "on, off", "on" if info.default else "off"
     elif info.choices:
-        flag, values, default = f"`{info.flag}`", ", ".join(f"`{choice}`" for choice in info.choices), f"`{info.default}`"
+        flag, values = f"`{info.flag}`", ", ".join(f"`{choice}`" for choice in info.choices)
+        default = f"`{info.default}`"
     else:
         unit = f" {info.knob.unit}" if info.knob.unit else ""
         flag, values = f"`{info.flag}`", f"{_number(info.knob.low)} to {_number(info.knob.high)}{unit}"

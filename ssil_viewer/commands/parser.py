@@ -71,6 +71,8 @@ class Parser(argparse.ArgumentParser):
             word = rest.pop(0)
             if word == "--":
                 return [*joined, word, *rest]
+            if word.endswith("=--"):  # argparse of Python 3.11 and 3.12 stumbles over it
+                raise UserError("a value is missing", word.removesuffix("=--"), f"see {self.prog} --help")
             if word in takes_value and word.startswith("--") and rest and _LOOKS_NEGATIVE.match(rest[0]):
                 word += "=" + rest.pop(0)
             joined.append(word)

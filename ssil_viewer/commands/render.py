@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import difflib
 import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ssil_viewer import __version__, output
+from ssil_viewer.buffers import find_buffer
 from ssil_viewer.commands import shared
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
@@ -52,24 +50,27 @@ def add_flags(parser: Parser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Renders and writes the file."""
     target = output.check_target(args.output, FORMATS)
+    view = _parse_view(args.view) if args.view is not None else None
     settings = shared.settings_of(args)
     scene = shared.load(args.scene)
     camera = shared.camera_of(args, scene)
-    frames = args.frames or (TEMPORAL_FRAMES if settings.temporal else 1)
+    frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
     from ssil_viewer.gpu.context import create_headless_context
     from ssil_viewer.pipeline import Renderer
 
     context = create_headless_context()
     try:
-        renderer = Renderer(context, args.size, settings)
+        renderer = Renderer(context, args.size, settings, keep=("final",))
         try:
-            view = _parse_view(args.view, renderer) if args.view else None
+            view = _check_view(view, renderer) if view else None
             renderer.set_scene(scene)
             if view and target.suffix.lower() == ".png":
                 renderer.show_buffer(*view)
             _render_frames(renderer, camera, frames)
+            shared.warn(renderer.warnings)
             _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
+            print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")
             if args.timings:
                 print_timings(renderer)
         finally:
@@ -78,59 +79,59 @@ def run(args: argparse.Namespace) -> None:
         context.release()
 
 
-def _parse_view(text: str, renderer: Renderer) -> tuple[str, int]:
+def _parse_view(text: str) -> tuple[str, int | None]:
+    """Name and level of NAME or NAME@LEVEL."""
+    name, at, level = text.partition("@")
+    if not name or (at and not re.fullmatch(r"[0-9]{1,2}", level)):
+        raise UserError(f"cannot use {text!r} as a view", "--view", "give a buffer such as normal or radiance@3")
+    return name, int(level) if at else None
+
+
+def _check_view(view: tuple[str, int | None], renderer: Renderer) -> tuple[str, int]:
+    """The view with its level, the finest where none was asked for."""
     buffers = renderer.buffers()
-    name, at, level_text = text.partition("@")
-    if name not in buffers:
-        near = difflib.get_close_matches(name, buffers, 1)
-        hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(buffers)
-        raise UserError(f"no buffer is called {name!r}", "--view", hint)
-    levels = buffers[name].levels
-    if not at:
-        return name, levels[0]
-    if not re.fullmatch(r"[0-9]{1,2}", level_text) or int(level_text) not in levels:
-        span = f"level {levels[0]}" if len(levels) == 1 else f"levels {levels[0]} to {levels[-1]}"
-        raise UserError(f"{name} has no level {level_text!r}", "--view", f"it has {span}")
-    return name, int(level_text)
+    name, level = view
+    if level is None:
+        level = buffers[name].levels.start if name in buffers else 0
+    find_buffer(buffers, name, level)
+    return name, level
 
 
 def _render_frames(renderer: Renderer, camera: Camera, frames: int) -> None:
+    from ssil_viewer.headless import render_frames
+
     if frames == 1 or sys.stderr is None or not sys.stderr.isatty():
-        for _ in range(frames):
-            renderer.render(camera)
+        render_frames(renderer, camera, frames)
         return
     from rich.console import Console
-    from rich.progress import track
+    from rich.progress import Progress
 
-    for _ in track(range(frames), "rendering", console=Console(stderr=True), transient=True):
-        renderer.render(camera)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("rendering", total=frames)
+        render_frames(renderer, camera, frames, lambda done: progress.update(task, completed=done))
 
 
 def _write(target: Path, renderer: Renderer, view: tuple[str, int] | None, metadata: Mapping[str, Any]) -> None:
-    suffix = target.suffix.lower()
-    if suffix == ".png":
-        output.write_png(target, _display(renderer), metadata)
-    elif suffix == ".npz":
-        if view:
-            arrays = {view[0]: renderer.read(*view)}
-        else:
-            arrays = {name: renderer.read(name, info.levels[0]) for name, info in renderer.buffers().items()}
-        output.write_npz(target, arrays)
-    else:
-        if view:
-            layers = {"": renderer.read(*view)}
-        else:
-            layers = {"": renderer.read("final")}
-            layers |= {name: renderer.read(name) for name in _EXR_LAYERS if name in renderer.buffers()}
-            full = layers[""].shape[:2]
-            layers = {name: values for name, values in layers.items() if values.shape[:2] == full}
-        output.write_exr(target, layers, metadata)
+    from ssil_viewer.headless import read_all, read_display
 
-
-def _display(renderer: Renderer) -> np.ndarray:
-    width, height = renderer.size
-    pixels = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
-    return pixels[::-1, :, :3]
+    found = renderer.buffers()
+    match target.suffix.lower():
+        case ".png":
+            output.write_png(target, read_display(renderer), metadata)
+        case ".npz" if view:
+            output.write_npz(target, {view[0]: renderer.read(*view)})
+        case ".npz":
+            arrays = read_all(renderer)
+            del arrays["display"]
+            # Buffers that exist at coarser levels only go in at their finest.
+            coarse = found.keys() - arrays.keys()
+            arrays |= {name: renderer.read(name, found[name].levels.start) for name in found if name in coarse}
+            output.write_npz(target, arrays)
+        case ".exr" if view:
+            output.write_exr(target, {"": renderer.read(*view)}, metadata)
+        case ".exr":
+            layers = {name: renderer.read(name) for name in _EXR_LAYERS if name in found}
+            output.write_exr(target, {"": renderer.read("final"), **layers}, metadata)
 
 
 def _metadata(
@@ -157,9 +158,13 @@ def print_timings(renderer: Renderer) -> None:
     table.add_column("pass")
     for column in ("median ms", "p10 ms", "p90 ms"):
         table.add_column(column, justify="right")
-    rows = [*timings.passes.items(), ("frame", timings.frame)]
+    rows = [*timings.passes.items(), ("whole frame, wall clock", timings.frame)]
     for index, (name, time) in enumerate(rows):
         if index == len(rows) - 1:
             table.add_section()
-        table.add_row(name, *(f"{value:.2f}" for value in (time.median_ms, time.p10_ms, time.p90_ms)))
-    Console(soft_wrap=True).print(table)
+        numbers = (time.median_ms, time.p10_ms, time.p90_ms)
+        table.add_row(name, *(f"{value:.2f}" if time.count else "-" for value in numbers))
+    console = Console(soft_wrap=True)
+    console.print(table)
+    if not timings.frame.count:
+        console.print(f"Nothing was measured: the first frames do not count. Use --frames {TEMPORAL_FRAMES} or more.")

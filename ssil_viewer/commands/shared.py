@@ -7,7 +7,7 @@ import dataclasses
 import difflib
 import math
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -70,12 +70,17 @@ def load(source: str) -> Scene:
     from ssil_viewer.scene import load_scene
 
     scene = load_scene(source)
-    for warning in scene.warnings[:_WARNINGS_SHOWN]:
-        print(f"ssil-viewer: warning: {' '.join(warning.split())}", file=sys.stderr)
-    if len(scene.warnings) > _WARNINGS_SHOWN:
-        rest = len(scene.warnings) - _WARNINGS_SHOWN
-        print(f"ssil-viewer: warning: {rest} more, see ssil-viewer info", file=sys.stderr)
+    warn(scene.warnings)
     return scene
+
+
+def warn(warnings: Sequence[str]) -> None:
+    """Prints warnings on standard error, one line each, and not endlessly many."""
+    for warning in warnings[:_WARNINGS_SHOWN]:
+        print(f"ssil-viewer: warning: {' '.join(warning.split())}", file=sys.stderr)
+    if len(warnings) > _WARNINGS_SHOWN:
+        rest = len(warnings) - _WARNINGS_SHOWN
+        print(f"ssil-viewer: warning: {rest} more, see ssil-viewer info", file=sys.stderr)
 
 
 def camera_of(args: argparse.Namespace, scene: Scene) -> Camera:

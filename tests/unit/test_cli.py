@@ -1,0 +1,296 @@
+"""The command line up to the point where work would begin: words in, settings or one line of complaint out."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from ssil_viewer import __version__, cli
+from ssil_viewer.commands import render, shared, values
+from ssil_viewer.commands.parser import Parser
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.settings import Settings, knobs
+
+
+def parse(*words: str):
+    parser = Parser("ssil-viewer render", render.USAGE, "", render.EPILOG)
+    render.add_flags(parser)
+    return parser.parse(["-o", "x.png", *words])
+
+
+def settings(*words: str) -> Settings:
+    return shared.settings_of(parse(*words))
+
+
+def other_value(info):
+    """A legal value that is not the default, or None when there is only one."""
+    if info.type is bool:
+        return not info.default
+    if info.choices:
+        return next((c for c in info.choices if c != info.default), None)
+    return info.type(info.knob.low if info.default != info.knob.low else info.knob.high)
+
+
+@pytest.mark.parametrize("info", knobs(), ids=lambda info: info.name)
+def test_every_setting_has_a_flag_that_sets_it(info):
+    value = other_value(info)
+    if value is None:
+        pytest.skip("only one value exists")
+    if info.type is bool:
+        words = [info.flag if value else "--no-" + info.flag.removeprefix("--")]
+    else:
+        words = [info.flag, str(value)]
+    assert getattr(settings("--size", "1920x1080", *words), info.name) == value
+
+
+def test_no_two_flags_share_a_place():
+    destinations = [action.dest for action in _parser_actions() if action.dest != "help"]
+    assert len(destinations) == len(set(destinations))
+
+
+def _parser_actions():
+    parser = Parser("p", "", "")
+    render.add_flags(parser)
+    return parser._actions
+
+
+def test_without_flags_the_settings_are_the_defaults():
+    assert settings() == Settings()
+    assert parse().size == (1280, 720)
+
+
+def test_the_later_wins_defaults_preset_file_flags(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("samples = 100\nradius = 20.0\n")
+    words = ["--preset", "fast", "--settings", str(file), "--radius", "30"]
+    for order in (words, [*words[4:], *words[:4]]):
+        found = settings(*order)
+        assert found.samples == 100, "the file beats the preset"
+        assert found.radius == 30, "the flag beats the file"
+        assert found.shadow_resolution == 1024, "the preset beats the default"
+
+
+@pytest.mark.parametrize("text, expected", [("-9,4,-0.3", (-9, 4, -0.3)), ("-.5,+2,1e-3", (-0.5, 2, 1e-3)),
+                                            ("0,0,0", (0, 0, 0))])
+@pytest.mark.parametrize("joined", [False, True])
+def test_vectors_may_begin_with_a_minus(text, expected, joined):
+    words = [f"--eye={text}"] if joined else ["--eye", text]
+    assert parse(*words).eye == expected
+
+
+def test_negative_numbers_reach_their_flag():
+    assert settings("--exposure", "-2.5").exposure == -2.5
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e400", "0x10", "", " ", "x=0", "1_000", "１２", "1,5", "--"])
+@pytest.mark.parametrize("flag", ["--samples", "--radius", "--seed", "--frames", "--fov", "--eye", "--size"])
+def test_what_is_not_a_number_is_refused_in_one_line_that_names_the_flag(flag, text):
+    with pytest.raises(UserError) as caught:
+        parse(f"{flag}={text}")
+    assert flag in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text, expected", [("12", 12), ("-3", -3), ("1.5", 1.5), (".5", 0.5), ("1e3", 1000.0),
+                                            ("9" * 5000, None), ("1e", None), ("--1", None)])
+def test_number(text, expected):
+    assert values.number(text) == expected
+
+
+@pytest.mark.parametrize("text", ["0x0", "-5x3", "99999999x2", "64", "64x", "x64", "64x36x2", "6.4x3.6", "64 x 36"])
+def test_impossible_sizes(text):
+    with pytest.raises(UserError, match="--size"):
+        parse("--size", text)
+
+
+@pytest.mark.parametrize("size", ["1x1", "3x7", "1x720", "7919x1"])
+@pytest.mark.parametrize("preset", [None, "fast", "quality", "talk-half-5-levels"])
+def test_tiny_images_work_with_defaults_and_presets(size, preset):
+    settings("--size", size, *(["--preset", preset] if preset else []))
+
+
+def test_levels_that_do_not_fit_are_refused_and_the_number_that_fits_is_named():
+    with pytest.raises(UserError, match="at most 2 levels"):
+        settings("--size", "3x7", "--levels", "4")
+    assert settings("--size", "3x7", "--levels", "2").levels == 2
+    with pytest.raises(UserError, match="at most 3 with --levels 1"):
+        settings("--size", "3x7", "--start-level", "6")
+    assert settings("--size", "3x7", "--start-level", "3", "--levels", "1").start_level == 3
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4, 5, 127, 128, 129])
+def test_the_number_that_is_named_fits_and_one_more_does_not(side):
+    def fits(levels):
+        try:
+            shared.check_fits((side, 1), dataclasses.replace(Settings(), start_level=0, levels=levels), {"levels"})
+        except UserError:
+            return False
+        return True
+
+    for levels in range(1, 9):
+        assert fits(levels) == (2 ** (levels - 1) < 2 * side)
+
+
+@pytest.mark.parametrize("words, nearest", [
+    (["--samlpes", "3"], "--samples"), (["--no-temporl"], "--no-temporal"), (["--tone-map", "acse"], "aces"),
+    (["--preset", "fsat"], "fast"), (["--outptu=x"], "--output"),
+])
+def test_the_nearest_name_is_suggested(words, nearest):
+    with pytest.raises(UserError, match=f"did you mean {nearest}\\?"):
+        settings(*words)
+
+
+def test_flags_are_not_guessed_from_their_beginning():
+    with pytest.raises(UserError, match="unknown flag --sample"):
+        parse("--sample", "3")
+
+
+SCENE = Scene("s", cameras=(Camera("front", eye=(0, 0, 9)), Camera("2", eye=(0, 0, 7)), Camera("back", eye=(0, 0, -9))))
+
+
+@pytest.mark.parametrize("words, eye_z", [([], 9), (["--camera", "back"], -9), (["--camera", "0"], 9),
+                                          (["--camera", "1"], 7), (["--camera", "2"], 7)])
+def test_cameras_by_name_then_by_index(words, eye_z, monkeypatch):
+    monkeypatch.setattr("ssil_viewer.scene.default_camera", lambda scene: scene.cameras[0])
+    assert shared.camera_of(parse(*words), SCENE).eye[2] == eye_z
+
+
+@pytest.mark.parametrize("name, advice", [("fornt", "did you mean front"), ("3", "the scene has 3"), ("-1", "has 3")])
+def test_a_camera_that_is_not_there(name, advice):
+    with pytest.raises(UserError, match=advice):
+        shared.camera_of(parse("--camera", name), SCENE)
+    with pytest.raises(UserError, match="has none"):
+        shared.camera_of(parse("--camera", "0"), Scene("empty"))
+
+
+@pytest.mark.parametrize("words", [["--eye", "1,2,3", "--target", "1,2,3"], ["--up", "0,0,0"],
+                                   ["--eye", "0,5,0", "--target", "0,0,0", "--up", "0,-2,0"]])
+def test_vectors_that_span_no_view(words, monkeypatch):
+    monkeypatch.setattr("ssil_viewer.scene.default_camera", lambda scene: scene.cameras[0])
+    with pytest.raises(UserError):
+        shared.camera_of(parse(*words), SCENE)
+
+
+def test_flags_are_laid_over_the_camera_of_the_scene():
+    camera = shared.camera_of(parse("--camera", "back", "--fov", "90", "--target", "1,0,0"), SCENE)
+    assert camera.eye == (0, 0, -9)
+    assert camera.target == (1, 0, 0)
+    assert camera.vertical_fov == pytest.approx(1.5707963)
+
+
+@pytest.fixture
+def ran(monkeypatch):
+    """Replaces the commands by ones that note what they were called with."""
+    calls = []
+    for name in cli.COMMANDS:
+        module = cli.importlib.import_module(f"ssil_viewer.commands.{name}")
+        monkeypatch.setattr(module, "run", lambda args, name=name: calls.append((name, getattr(args, "scene", None))))
+    return calls
+
+
+@pytest.mark.parametrize("words, expected", [
+    ([], ("view", "builtin:atrium")), (["a.glb"], ("view", "a.glb")), (["view", "a.glb"], ("view", "a.glb")),
+    (["view", "render"], ("view", "render")), (["./render"], ("view", "./render")),
+    (["--debug", "info", "a.glb"], ("info", "a.glb")), (["--size", "3x7", "a.glb"], ("view", "a.glb")),
+    (["builtin:cornell"], ("view", "builtin:cornell")), (["scenes"], ("scenes", None)),
+    (["render", "-o", "x.png"], ("render", "builtin:atrium")), (["view", "--", "-odd.glb"], ("view", "-odd.glb")),
+])
+def test_which_command_runs(ran, words, expected):
+    assert cli.main(words) == 0
+    assert ran == [expected]
+
+
+def test_a_file_needs_no_ending_to_be_a_scene(ran, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model").touch()
+    assert cli.main(["model"]) == 0
+    assert ran == [("view", "model")]
+
+
+@pytest.mark.parametrize("words, hint", [
+    (["rendr"], "did you mean render?"), (["xyzzy"], "see ssil-viewer --help"), (["info"], "SCENE is missing"),
+    (["a.glb", "b.glb"], "unexpected argument 'b.glb'"), (["render", "a.glb"], "--output is missing"),
+    (["render", "-o"], "value is missing"), (["view", "--temporal=1"], "takes no value"),
+])
+def test_complaints_are_one_line_and_status_2(ran, capsys, words, hint):
+    assert cli.main(words) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("ssil-viewer: error: ")
+    assert shown.err.count("\n") == 1
+    assert hint in shown.err
+    assert ran == []
+
+
+@pytest.mark.parametrize("failure, status, shown", [
+    (UserError("broken", "a.glb", "mend it"), 2, "ssil-viewer: error: broken, a.glb, mend it\n"),
+    (KeyboardInterrupt(), 130, ""),
+    (MemoryError(), 2, "ssil-viewer: error: not enough memory, give a smaller --size or scene\n"),
+    (ValueError("two\nlines"), 1, "ssil-viewer: error: internal error, ValueError: two lines, please report it with "
+                                  "the output of --debug\n"),
+])
+def test_failures_become_one_line_and_a_status(monkeypatch, capsys, failure, status, shown):
+    def fail(args):
+        raise failure
+
+    monkeypatch.setattr("ssil_viewer.commands.scenes.run", fail)
+    assert cli.main(["scenes"]) == status
+    assert capsys.readouterr().err == shown
+    cli.main(["scenes", "--debug"])
+    if not isinstance(failure, KeyboardInterrupt):
+        assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["view", "-h"], ["info", "-h"], ["scenes", "-h"]])
+def test_help(words, capsys):
+    try:
+        assert cli.main(words) == 0
+    except SystemExit as end:
+        assert end.code == 0
+    assert "usage: ssil-viewer" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"ssil-viewer {__version__}\n"
+
+
+def test_view_without_a_display_says_so(monkeypatch):
+    from ssil_viewer.commands import view
+
+    monkeypatch.setattr(view, "sys", SimpleNamespace(platform="linux"))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(UserError, match="no display.*use ssil-viewer render"):
+        view.check_display()
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    code = "import sys; from ssil_viewer.cli import main; sys.exit(main(['render', '--help']))"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.wait()
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = (
+        "import sys, ssil_viewer, ssil_viewer.cli\n"
+        "heavy = {'numpy', 'trimesh', 'moderngl', 'imgui_bundle', 'PIL', 'rich', 'OpenEXR'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_public_names_resolve():
+    import ssil_viewer
+
+    for name in ssil_viewer.__all__:
+        assert getattr(ssil_viewer, name) is not None
+    with pytest.raises(AttributeError):
+        ssil_viewer.no_such_name  # noqa: B018
