@@ -150,10 +150,13 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors along the last axis scaled to length 1; what has no direction stays zero."""
-    largest = np.max(np.abs(vectors), axis=-1, keepdims=True)
-    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # squares of tiny or huge vectors would leave the range
-    length = np.sqrt(_dot(scaled, scaled))[..., None]
-    return scaled / np.where(length > 0.0, length, 1.0)
+    squared = _dot(vectors, vectors)[..., None]
+    if not np.all((squared > 1e-280) & (squared < 1e280)):
+        # Squares of tiny or huge vectors leave the range of numbers: bring the largest component to 1 first.
+        largest = np.max(np.abs(vectors), axis=-1, keepdims=True, initial=0.0)
+        vectors = vectors / np.where(largest > 0.0, largest, 1.0)
+        squared = _dot(vectors, vectors)[..., None]
+    return vectors / np.where(squared > 0.0, np.sqrt(squared), 1.0)
 
 
 def face_normals(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ from ssil_viewer.scene.gltf_nodes import (
     read_lights,
 )
 from ssil_viewer.scene.model import Instance, Scene
+from ssil_viewer.scene.transforms import made_invertible
 from ssil_viewer.scene.warning_list import WarningList
 
 # Extensions that are honoured, or whose readers report by themselves what they cannot do.
@@ -43,9 +44,6 @@ _KNOWN_EXTENSIONS = {
     "KHR_texture_transform",
     "MSFT_texture_dds",
 }
-
-_FLATTENED = 1e-9
-"""Relative size of a transform's smallest axis below which it counts as flat."""
 
 
 def load_gltf(path: Path, name: str) -> Scene:
@@ -103,7 +101,9 @@ def _load(document: Document, name: str) -> Scene:
 
 def _read_instances(document: Document, nodes: list[PlacedNode], meshes: MeshReader) -> list[Instance]:
     """The instances of all nodes that have a mesh."""
-    instances = []
+    names: list[str] = []
+    meshes_placed: list[int] = []
+    transforms = [np.empty((0, 4, 4))]
     for node in nodes:
         if "mesh" not in node.json:
             if extension(node.json, "EXT_mesh_gpu_instancing") is not None:
@@ -113,37 +113,21 @@ def _read_instances(document: Document, nodes: list[PlacedNode], meshes: MeshRea
             mesh, in_world_space = meshes.place(node)
             if mesh is None:
                 continue
-            transforms = np.eye(4)[None] if in_world_space else instance_transforms(document, node)
+            placed = np.eye(4)[None] if in_world_space else instance_transforms(document, node)
         except Malformed as problem:
             document.warnings.add("a node's mesh was skipped", f"{node.name}: {problem}")
             continue
-        for transform in transforms:
-            solid = _made_invertible(transform)
-            if solid is None:
-                document.warnings.add("instances scaled to nothing are not drawn", node.name)
-            else:
-                instances.append(Instance(node.name, mesh, solid))
-    return instances
-
-
-def _made_invertible(transform: np.ndarray) -> np.ndarray | None:
-    """A transform that can be inverted, as normals need: a flattened axis gets a thickness too small to see.
-
-    Returns:
-        The transform itself as a rule; None when it leaves no area at all.
-    """
-    linear = transform[:3, :3]
-    extent = np.abs(linear).max()
-    if not extent > 0.0:
-        return None
-    if abs(np.linalg.det(linear / extent)) > _FLATTENED:
-        return transform
-    left, sizes, right = np.linalg.svd(linear)
-    if sizes[1] <= _FLATTENED * sizes[0]:
-        return None
-    solid = transform.copy()
-    solid[:3, :3] = (left * np.maximum(sizes, 1e-6 * sizes[0])) @ right
-    return solid
+        transforms.append(placed)
+        names += [node.name] * len(placed)
+        meshes_placed += [mesh] * len(placed)
+    solid, visible = made_invertible(np.concatenate(transforms))
+    for index in np.flatnonzero(~visible):
+        document.warnings.add("an instance that is scaled to nothing or beyond all bounds is not drawn", names[index])
+    return [
+        Instance(name, mesh, transform)
+        for name, mesh, transform, shown in zip(names, meshes_placed, solid, visible, strict=True)
+        if shown
+    ]
 
 
 def _animation_names(document: Document) -> tuple[str, ...]:

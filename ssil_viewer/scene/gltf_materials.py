@@ -9,7 +9,6 @@ from ssil_viewer.scene.gltf_document import (
     Document,
     extension,
     index_at,
-    list_at,
     number_at,
     object_at,
     text_at,
@@ -144,7 +143,7 @@ class MaterialReader:
     def _alpha_mode(self, entry: dict, name: str) -> str:
         mode = text_at(entry, "alphaMode", "OPAQUE").lower()
         if mode == "blend":
-            self._warnings.add("alpha blending (BLEND) is only approximated", name)
+            self._warnings.add("alpha blending (BLEND) is drawn as a cut-out at half opacity", name)
         elif mode not in ("opaque", "mask"):
             self._warnings.add("an unknown alpha mode is treated as OPAQUE", name)
             mode = "opaque"
@@ -238,13 +237,10 @@ class MaterialReader:
         Raises:
             Malformed: The texture has no image.
         """
-        count = len(list_at(self._document.json, "images"))
         for name in _SOURCES:
             owner = extension(texture, name) if name else texture
             source = index_at(owner or {}, "source")
             if source is not None:
-                if source >= count:
-                    raise Malformed(f"images[{source}] does not exist")
                 return source
         raise Malformed("the texture has no image")
 

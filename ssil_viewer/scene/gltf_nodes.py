@@ -26,6 +26,9 @@ ORTHOGRAPHIC_FOV = math.radians(10.0)
 parallel stay nearly so, and large enough for the depth buffer."""
 
 
+_TRANSFORM_KEYS = {"matrix", "translation", "rotation", "scale"}
+
+
 @dataclass(frozen=True, eq=False)
 class PlacedNode:
     """A node of the active scene.
@@ -42,7 +45,11 @@ class PlacedNode:
 
     @property
     def name(self) -> str:
-        return text_at(self.json, "name") or f"node {self.index}"
+        return _label(self.json, self.index)
+
+
+def _label(node: dict, index: int) -> str:
+    return text_at(node, "name") or f"node {index}"
 
 
 def place_nodes(document: Document) -> tuple[list[PlacedNode], dict[int, np.ndarray]]:
@@ -53,9 +60,10 @@ def place_nodes(document: Document) -> tuple[list[PlacedNode], dict[int, np.ndar
         that has one: joints may stand outside of the active scene.
     """
     parentless = _parentless(document)
+    locals_ = _local_transforms(document)
     worlds: dict[int, np.ndarray] = {}
-    placed = _walk(document, _scene_roots(document, parentless), worlds)
-    _walk(document, [index for index in parentless if index not in worlds], worlds)
+    placed = _walk(document, _scene_roots(document, parentless), locals_, worlds)
+    _walk(document, [index for index in parentless if index not in worlds], locals_, worlds)
     return placed, worlds
 
 
@@ -84,8 +92,9 @@ def _scene_roots(document: Document, parentless: list[int]) -> list:
     return list_at(document.entry("scenes", active), "nodes")
 
 
-def _walk(document: Document, roots: list, worlds: dict[int, np.ndarray]) -> list[PlacedNode]:
+def _walk(document: Document, roots: list, locals_: np.ndarray, worlds: dict[int, np.ndarray]) -> list[PlacedNode]:
     """Places the nodes below `roots`; extends `worlds`. Each node is placed once, so that cycles end."""
+    usable = np.all(np.isfinite(locals_), axis=(1, 2))
     placed = []
     stack = [(root, None) for root in reversed(roots)]
     while stack:
@@ -96,42 +105,52 @@ def _walk(document: Document, roots: list, worlds: dict[int, np.ndarray]) -> lis
             entry = document.entry("nodes", index)
             if index in worlds:
                 raise Malformed(f"nodes[{index}] has several parents or is its own descendant")
-            local = local_transform(document, entry, index)
-            world = local if parent is None else parent @ local
-            if not np.all(np.isfinite(world)):
-                raise Malformed(f"nodes[{index}] has a transform that is not finite")
+            if not usable[index]:
+                raise Malformed(f"nodes[{index}] has a broken transform")
             children = list_at(entry, "children")
         except Malformed as problem:
             document.warnings.add("a node was skipped", str(problem))
             continue
+        world = locals_[index] if parent is None else parent @ locals_[index]
         worlds[index] = world
         placed.append(PlacedNode(index, entry, world))
         stack.extend((child, world) for child in reversed(children))
     return placed
 
 
-def local_transform(document: Document, node: dict, index: int) -> np.ndarray:
-    """The (4, 4) float64 parent_from_node matrix.
+def _local_transforms(document: Document) -> np.ndarray:
+    """The parent_from_node matrices of all nodes, (N, 4, 4) float64, NaN where a node's numbers are none.
 
-    Raises:
-        Malformed: The numbers are not numbers.
+    All at once, since files with tens of thousands of nodes are common.
     """
-    trs = [key for key in ("translation", "rotation", "scale") if key in node]
-    if "matrix" in node:
-        if trs:
-            document.warnings.add("a node has both a matrix and other transforms, the matrix is used", f"node {index}")
-        return np.array(vector_at(node, "matrix", (0.0,) * 16)).reshape(4, 4).T
-    if not trs:
-        return np.eye(4)
-    rotation = np.array([vector_at(node, "rotation", (0.0, 0.0, 0.0, 1.0))])
-    length = math.hypot(*rotation[0])
-    if not 0.99 < length < 1.01:
-        document.warnings.add("a rotation is not a unit quaternion and was normalised", f"node {index}")
-    return compose(
-        np.array([vector_at(node, "translation", (0.0, 0.0, 0.0))]),
-        rotation,
-        np.array([vector_at(node, "scale", (1.0, 1.0, 1.0))]),
-    )[0]
+    nodes = list_at(document.json, "nodes")
+    translation = np.zeros((len(nodes), 3))
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(nodes), 1))
+    scale = np.ones((len(nodes), 3))
+    matrices: dict[int, np.ndarray] = {}
+    for index, node in enumerate(nodes):
+        if not isinstance(node, dict) or node.keys().isdisjoint(_TRANSFORM_KEYS):
+            continue
+        try:
+            if "matrix" in node:
+                matrices[index] = np.array(vector_at(node, "matrix", (0.0,) * 16)).reshape(4, 4).T
+                if len(node.keys() & _TRANSFORM_KEYS) > 1:
+                    document.warnings.add(
+                        "a node has a matrix and other transforms too, which are ignored", _label(node, index)
+                    )
+                continue
+            translation[index] = vector_at(node, "translation", (0.0, 0.0, 0.0))
+            rotation[index] = vector_at(node, "rotation", (0.0, 0.0, 0.0, 1.0))
+            scale[index] = vector_at(node, "scale", (1.0, 1.0, 1.0))
+        except Malformed:
+            translation[index] = np.nan
+    length = np.linalg.norm(rotation, axis=1)
+    for index in np.flatnonzero(~(np.abs(length - 1.0) < 0.01)):
+        document.warnings.add("a rotation is no unit quaternion and was normalised", _label(nodes[index], int(index)))
+    locals_ = compose(translation, rotation, scale)
+    for index, matrix in matrices.items():
+        locals_[index, :3] = matrix[:3]  # the last row of an affine transform is fixed
+    return locals_
 
 
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -180,11 +199,7 @@ def instance_transforms(document: Document, node: PlacedNode) -> np.ndarray:
         arrays.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
         arrays.get("SCALE", np.ones((count, 3))),
     )
-    worlds = node.world_from_node @ locals_
-    finite = np.all(np.isfinite(worlds), axis=(1, 2))
-    if not finite.all():
-        document.warnings.add("instances with transforms that are not finite were dropped", node.name)
-    return worlds[finite]
+    return node.world_from_node @ locals_
 
 
 def _axis(matrix: np.ndarray, column: int) -> np.ndarray:
