@@ -102,12 +102,16 @@ class CameraControl:
             dx, dy: Movement of the mouse to the right and down, in window heights.
         """
         target = self.target
+        self.look(dx, dy)
+        if self.mode == "orbit":
+            self.eye = target - self.distance * self.forward
+
+    def look(self, dx: float, dy: float) -> None:
+        """Turn about the eye in either mode; arguments as in `rotate`."""
         angle = -dx * _TURN_PER_HEIGHT
         ahead = np.cross(self.axis, self.right)
         self.right = _unit(math.cos(angle) * self.right + math.sin(angle) * ahead)
         self.pitch = min(max(self.pitch - dy * _TURN_PER_HEIGHT, -math.pi / 2), math.pi / 2)
-        if self.mode == "orbit":
-            self.eye = target - self.distance * self.forward
 
     def pan(self, dx: float, dy: float) -> None:
         """Shift the view so that the target follows the mouse; arguments as in `rotate`."""

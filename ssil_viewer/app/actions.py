@@ -1,0 +1,328 @@
+"""Everything that keys, menus and panels can ask for. A user's mistake becomes a message, never an end."""
+
+from __future__ import annotations
+
+import functools
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Callable, Protocol, TypeVar
+
+import numpy as np
+
+from ssil_viewer.app import saved_view
+from ssil_viewer.app.camera_control import CameraControl, camera_flags
+from ssil_viewer.app.scene_loading import Loaded, SceneLoader
+from ssil_viewer.app.state import AppState
+from ssil_viewer.errors import UserError
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.model import Camera
+from ssil_viewer.settings import Settings, load_preset, load_settings
+
+_SHOW_MODES = ("both", "direct", "indirect")
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+class WindowControl(Protocol):
+    """What actions need of the window."""
+
+    def close(self) -> None: ...
+    def toggle_fullscreen(self) -> None: ...
+    def set_vsync(self, on: bool) -> None: ...
+    def copy_text(self, text: str) -> None: ...
+    def save_after_frame(self) -> None: ...
+
+
+def _shows_errors(method: _Method) -> _Method:
+    """Turn a UserError of an action into a message in the window."""
+    @functools.wraps(method)
+    def shown(self: Actions, *arguments: Any) -> Any:
+        try:
+            return method(self, *arguments)
+        except UserError as error:
+            self.state.say(str(error), "error")
+            return None
+    return shown  # type: ignore[return-value]
+
+
+class Actions:
+    """The verbs of the window. Names in `keys.BINDINGS` are methods here.
+
+    Args:
+        state: Changed by the actions.
+        renderer: Asked for pictures, buffers and shaders.
+        loader: Loads scenes in the background.
+        window: What only the window can do.
+    """
+
+    def __init__(self, state: AppState, renderer: Renderer, loader: SceneLoader, window: WindowControl) -> None:
+        self.state = state
+        self._renderer = renderer
+        self._loader = loader
+        self._window = window
+        self._view_after_loading: Camera | None = None
+        self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
+
+    # What is shown
+
+    def set_settings(self, settings: Settings) -> None:
+        """Replace all settings at once; the next frame uses them."""
+        self.state.settings = settings
+
+    @_shows_errors
+    def show(self, mode: str) -> None:
+        """Show "both", "direct" or "indirect", in place of any buffer."""
+        self.state.settings = self.state.settings.replaced({"show": mode})
+        self.state.buffer = None
+
+    def show_both(self) -> None:
+        """Show direct and indirect light."""
+        self.show("both")
+
+    def show_direct(self) -> None:
+        """Show direct light only."""
+        self.show("direct")
+
+    def show_indirect(self) -> None:
+        """Show indirect light only."""
+        self.show("indirect")
+
+    def show_next(self) -> None:
+        """Go round both, direct, indirect."""
+        self.show(_SHOW_MODES[(_SHOW_MODES.index(self.state.settings.show) + 1) % len(_SHOW_MODES)])
+
+    def step_buffer_back(self) -> None:
+        """Show the previous buffer; before the first comes the image."""
+        self._step_buffer(-1)
+
+    def step_buffer_forward(self) -> None:
+        """Show the next buffer; after the last comes the image."""
+        self._step_buffer(1)
+
+    def step_level_down(self) -> None:
+        """Show a finer level of the buffer."""
+        self._step_level(-1)
+
+    def step_level_up(self) -> None:
+        """Show a coarser level of the buffer."""
+        self._step_level(1)
+
+    def toggle_inspector(self) -> None:
+        """Values under the cursor on and off."""
+        self.state.inspector = not self.state.inspector
+
+    # Pictures and settings files
+
+    @_shows_errors
+    def save_image(self) -> None:
+        """Write the rendered image, without panels, to the working directory."""
+        width, height = self._renderer.size
+        pixels = np.frombuffer(self._renderer.display.read(), np.uint8).reshape(height, width, 4)
+        self.save_pixels(pixels[::-1, :, :3])
+
+    def save_window(self) -> None:
+        """Write the window with its panels, as soon as this frame is drawn."""
+        self._window.save_after_frame()
+
+    @_shows_errors
+    def save_pixels(self, rgb: np.ndarray) -> None:
+        """Write a picture that remembers scene, settings and camera.
+
+        Args:
+            rgb: (H, W, 3) uint8, row 0 = top.
+        """
+        view = saved_view.SavedView(self.state.scene.name, self.state.settings, self.state.camera.camera())
+        details = {"renderer": self._renderer.capabilities.renderer, "opengl": self._renderer.capabilities.version,
+                   "size": [rgb.shape[1], rgb.shape[0]]}
+        path = saved_view.save_picture(Path.cwd(), rgb, view, details)
+        self.state.say(f"Saved {path}")
+
+    @_shows_errors
+    def use_preset(self, name: str) -> None:
+        """Settings of a shipped preset; those that only concern the display stay."""
+        now = self.state.settings
+        base = Settings().replaced({"exposure": now.exposure, "tone_map": now.tone_map, "show": now.show})
+        self.state.settings = load_preset(name, base)
+        self.state.say(f"Preset {name}")
+
+    @_shows_errors
+    def load_settings(self, path: Path) -> None:
+        """Settings of a file, over the defaults."""
+        self.state.settings = load_settings(path)
+        self.state.say(f"Settings of {path}")
+
+    @_shows_errors
+    def save_settings(self, path: Path) -> None:
+        """Write the settings that differ from the defaults."""
+        self.state.say(f"Saved {saved_view.save_settings(path, self.state.settings)}")
+
+    # The scene
+
+    @_shows_errors
+    def open_path(self, path: Path) -> None:
+        """Open whatever was dropped or chosen: a scene, a settings file, or a saved picture."""
+        suffix = path.suffix.lower()
+        if suffix == ".toml":
+            self.load_settings(path)
+        elif suffix == ".png":
+            self._restore(saved_view.load_picture(path))
+        else:
+            self.open_scene(os.fspath(path))
+
+    def browse_scene(self) -> None:
+        """Let the user choose a file."""
+        self.on_browse()
+
+    def open_scene(self, source: str) -> None:
+        """Load a scene in the background; the present one stays until it is there."""
+        self._view_after_loading = None
+        self.state.loading = source
+        self._loader.start(source)
+
+    def reload_scene(self) -> None:
+        """Load the scene again, and keep the camera."""
+        camera = self.state.camera.camera()
+        self.open_scene(self.state.scene.name)
+        self._view_after_loading = camera
+
+    def poll_loader(self) -> None:
+        """Take over a scene that has been loaded. Call once per frame."""
+        outcome = self._loader.poll()
+        self.state.loading = self._loader.loading
+        if outcome is not None:
+            self._take(outcome)
+
+    # The camera
+
+    def toggle_camera_mode(self) -> None:
+        """Change between orbiting and flying."""
+        camera = self.state.camera
+        camera.mode = "fly" if camera.mode == "orbit" else "orbit"
+        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting")
+
+    def frame_scene(self) -> None:
+        """Show the whole scene from the present direction."""
+        width, height = self._renderer.size
+        self.state.camera.frame(*self.state.scene.bounds(), aspect=width / height)
+
+    def reset_camera(self) -> None:
+        """Back to the camera that the scene was opened with."""
+        self.state.camera.set_camera(self.state.home)
+
+    def save_viewpoint(self, digit: int) -> None:
+        """Remember the view under a digit."""
+        self.state.camera.save_viewpoint(digit)
+        self.state.say(f"Viewpoint {digit} saved")
+
+    def recall_viewpoint(self, digit: int) -> None:
+        """Go to the view of a digit."""
+        if not self.state.camera.recall_viewpoint(digit):
+            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one")
+
+    @_shows_errors
+    def focus_pixel(self, u: float, v: float) -> None:
+        """Look at the surface seen at a place of the image.
+
+        Args:
+            u, v: From 0 to 1, rightward and downward.
+        """
+        depth = self._renderer.read("view_depth")
+        height, width = depth.shape[:2]
+        metres = float(depth[min(int(v * height), height - 1), min(int(u * width), width - 1)])
+        if metres > 0.0:
+            self.state.camera.focus(_point_at(self.state.camera, u, v, width / height, metres))
+
+    def copy_camera(self) -> None:
+        """Put the flags that repeat the present view on the clipboard."""
+        flags = camera_flags(self.state.camera.camera())
+        self._window.copy_text(flags)
+        self.state.say(f"Copied {flags}")
+
+    # Lights
+
+    def pause_light(self) -> None:
+        """Pause or resume the moving light; the first light moves when none did."""
+        state = self.state
+        if state.motion.light is not None:
+            state.motion = replace(state.motion, paused=not state.motion.paused)
+        elif state.lights:
+            state.motion = replace(state.motion, light=0, paused=False, reach=0.15 * state.camera.scene_radius)
+        else:
+            state.say("There is no light to move")
+
+    # The program
+
+    def toggle_help(self) -> None:
+        """The list of keys on and off."""
+        self.state.help_open = not self.state.help_open
+
+    def toggle_panels(self) -> None:
+        """All panels on and off."""
+        self.state.panels_visible = not self.state.panels_visible
+
+    def toggle_timings(self) -> None:
+        """The table of pass times on and off."""
+        self.state.timings_visible = not self.state.timings_visible
+
+    def toggle_fullscreen(self) -> None:
+        """Full screen on and off."""
+        self._window.toggle_fullscreen()
+
+    def set_vsync(self, on: bool) -> None:
+        """Wait for the monitor at the end of each frame, or not."""
+        self.state.vsync = on
+        self._window.set_vsync(on)
+
+    def reload_shaders(self) -> None:
+        """Compile the shaders anew; after an error the old programs go on."""
+        self.state.shader_error = self._renderer.reload_shaders() or ""
+        self.state.shader_generation += 1
+        if not self.state.shader_error:
+            self.state.say("Shaders loaded")
+
+    def quit(self) -> None:
+        """Close the window."""
+        self._window.close()
+
+    def _step_buffer(self, step: int) -> None:
+        names: list[str | None] = [None, *self._renderer.buffers()]
+        at = names.index(self.state.buffer) if self.state.buffer in names else 0
+        self.state.buffer = names[(at + step) % len(names)]
+        self.state.level = self._level_in_range(self.state.level)
+        self.state.say(f"Showing {self.state.buffer or 'the image'}")
+
+    def _step_level(self, step: int) -> None:
+        self.state.level = self._level_in_range(self.state.level + step)
+
+    def _level_in_range(self, level: int) -> int:
+        info = self._renderer.buffers().get(self.state.buffer or "")
+        return min(max(level, info.levels[0]), info.levels[-1]) if info else 0
+
+    def _restore(self, view: saved_view.SavedView) -> None:
+        self.state.settings = view.settings
+        if view.scene and view.scene != self.state.scene.name:
+            self.open_scene(view.scene)
+            self._view_after_loading = view.camera
+        else:
+            self.state.camera.set_camera(view.camera)
+        self.state.say("Settings and camera of the picture")
+
+    @_shows_errors
+    def _take(self, outcome: Loaded) -> None:
+        if outcome.scene is None or outcome.camera is None:
+            raise UserError(outcome.error)
+        self._renderer.set_scene(outcome.scene)
+        self.state.open_scene(outcome.scene, outcome.camera)
+        if self._view_after_loading is not None:
+            self.state.camera.set_camera(self._view_after_loading)
+            self._view_after_loading = None
+        count = len(outcome.scene.warnings)
+        self.state.say(f"Opened {outcome.source}"
+                       + (f", {count} warning{'s' if count > 1 else ''}: see Scene" if count else ""))
+
+
+def _point_at(camera: CameraControl, u: float, v: float, aspect: float, view_depth: float) -> np.ndarray:
+    """(3,) world position at a place of the image and a distance along the view direction."""
+    tangent = np.tan(camera.vertical_fov / 2)
+    ray = (camera.forward + (2 * u - 1) * aspect * tangent * camera.right + (1 - 2 * v) * tangent * camera.screen_up)
+    return camera.eye + view_depth * ray

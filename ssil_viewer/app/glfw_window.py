@@ -1,0 +1,78 @@
+"""Opens a window with the newest useful OpenGL that the driver gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Callable
+
+import glfw
+from moderngl_window.context.glfw.window import Window
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.context import MINIMUM_GL
+
+# A driver may give exactly the version that is asked for, and compute shaders start with 4.3.
+_VERSIONS = ((4, 3), MINIMUM_GL)
+
+
+class GlfwWindow(Window):
+    """moderngl-window's window over glfw, plus dropped files and the monitor's scale.
+
+    Attributes:
+        dropped: Called with the paths of dropped files.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self.dropped: Callable[[list[Path]], None] = lambda paths: None
+        super().__init__(**options)
+        # Escape closes popups here, and F11 goes through the table of keys.
+        self.exit_key = None
+        self.fullscreen_key = None
+        glfw.set_drop_callback(self._window, lambda _, paths: self.dropped([Path(path) for path in paths]))
+        # The framebuffer alone changes when a window goes to a monitor of another density.
+        glfw.set_framebuffer_size_callback(
+            self._window, lambda handle, *_: self.glfw_window_resize_callback(handle, *glfw.get_window_size(handle)))
+        glfw.set_window_size_limits(self._window, 320, 200, glfw.DONT_CARE, glfw.DONT_CARE)
+
+    @property
+    def handle(self) -> Any:
+        """The glfw window."""
+        return self._window
+
+    @property
+    def minimised(self) -> bool:
+        """Whether there is nothing to draw into."""
+        return 0 in self.buffer_size or bool(glfw.get_window_attrib(self._window, glfw.ICONIFIED))
+
+    @property
+    def content_scale(self) -> float:
+        """Factor for the interface in window units: what the monitor asks for and the window system does not do."""
+        scale = glfw.get_window_content_scale(self._window)[0]
+        return max(scale / max(self.buffer_width / max(self.width, 1), 1e-3), 0.5)
+
+    def wait(self, seconds: float) -> None:
+        """Sleep until something happens, at most so long."""
+        glfw.wait_events_timeout(seconds)
+
+
+def open_window(title: str, size: tuple[int, int], vsync: bool = True) -> GlfwWindow:
+    """Open a window with OpenGL 4.3 core or newer, or else the least that the renderer runs on.
+
+    Args:
+        size: Window units, which are pixels except on macOS and on Wayland with scaling.
+
+    Raises:
+        UserError: There is no display, or no OpenGL that is new enough.
+    """
+    complaints: list[str] = []
+    # Without a callback glfw's complaints, some of them harmless ones of Wayland, would be Python warnings.
+    glfw.set_error_callback(lambda code, text: complaints.append(text.decode(errors="replace")))
+    for version in _VERSIONS:
+        try:
+            return GlfwWindow(title=title, size=size, gl_version=version, vsync=vsync, resizable=True)
+        except Exception as error:  # moderngl-window, moderngl and glcontext have no exceptions of their own
+            complaints.append(" ".join(str(error).split()))
+    glfw.terminate()
+    reasons = "; ".join(dict.fromkeys(text for text in complaints if text))
+    raise UserError("a window with OpenGL {}.{} core or newer cannot be opened".format(*MINIMUM_GL), reasons,
+                    "check the display and the graphics driver")

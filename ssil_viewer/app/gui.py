@@ -1,0 +1,146 @@
+"""Where everything is: menu on top, panel on the left, timings on the right, one line at the bottom."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from ssil_viewer.app import keys
+from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.panels import (
+    buffers, camera, help, interface, lights, messages, scene, settings, timings, widgets)
+from ssil_viewer.app.panels.file_browser import FileBrowser
+from ssil_viewer.app.state import AppState
+from ssil_viewer.pipeline import Renderer
+
+_PANEL_EM = 23.0
+_PANEL_SHARE = 0.48   # of a narrow window
+_FIXED = (imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_collapse
+          | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
+          | imgui.WindowFlags_.no_bring_to_front_on_focus)
+
+
+class Gui:
+    """Draws the whole interface of a frame.
+
+    Args:
+        state: Shown, and changed by what the user does.
+        actions: Called for everything that is more than a changed number.
+        renderer: Asked for its buffers and times.
+    """
+
+    def __init__(self, state: AppState, actions: Actions, renderer: Renderer) -> None:
+        self._state = state
+        self._actions = actions
+        self._renderer = renderer
+        self._scene_panel = scene.ScenePanel()
+        self._browser = FileBrowser(actions.open_path)
+        actions.on_browse = self._browser.open
+
+    def draw(self) -> None:
+        """Between `imgui.new_frame` and `imgui.render`."""
+        state = self._state
+        display = imgui.get_io().display_size
+        top, bottom = 0.0, display.y
+        if state.panels_visible:
+            top = self._menu()
+            bottom = display.y - messages.status_height()
+            self._left_panel(top, bottom)
+            # The help needs the room.
+            if state.timings_visible and not state.help_open:
+                self._timings(top)
+            messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software)
+        if state.loading:
+            messages.draw_loading(state.loading, top + 0.6 * imgui.get_font_size())
+        left = self._panel_width() if state.panels_visible else 0.0
+        help.draw(state, left)
+        help.draw_about(state, self._renderer.capabilities, left)
+        messages.draw_shader_error(state)
+        self._browser.draw()
+        messages.draw_toasts(state, bottom)
+        if state.inspector and state.pixel and not imgui.get_io().want_capture_mouse:
+            buffers.draw_reading(state.pixel)
+
+    def _menu(self) -> float:
+        """The menu bar; returns its height."""
+        if not imgui.begin_main_menu_bar():
+            return 0.0
+        height = imgui.get_window_height()
+        if imgui.begin_menu("File"):
+            self._file_menu()
+            imgui.end_menu()
+        if imgui.begin_menu("Settings"):
+            settings.draw_menu(self._actions)
+            imgui.end_menu()
+        if imgui.begin_menu("View"):
+            self._view_menu()
+            imgui.end_menu()
+        if imgui.begin_menu("Help"):
+            self._item("Keys and mouse", "toggle_help")
+            if imgui.menu_item_simple("About"):
+                self._state.about_open = True
+            imgui.end_menu()
+        imgui.end_main_menu_bar()
+        return height
+
+    def _file_menu(self) -> None:
+        self._item("Open...", "browse_scene")
+        if imgui.begin_menu("Built-in scenes"):
+            scene.draw_builtin_entries(self._actions)
+            imgui.end_menu()
+        self._item("Load again", "reload_scene")
+        imgui.separator()
+        self._item("Save image", "save_image")
+        self._item("Save window", "save_window")
+        imgui.separator()
+        self._item("Load shaders again", "reload_shaders")
+        self._item("Quit", "quit")
+
+    def _view_menu(self) -> None:
+        show = self._state.settings.show
+        self._item("Direct + indirect", "show_both", show == "both")
+        self._item("Direct only", "show_direct", show == "direct")
+        self._item("Indirect only", "show_indirect", show == "indirect")
+        imgui.separator()
+        self._item("Frame scene", "frame_scene")
+        self._item("Reset camera", "reset_camera")
+        imgui.separator()
+        self._item("Timings", "toggle_timings", self._state.timings_visible)
+        self._item("Values under the cursor", "toggle_inspector", self._state.inspector)
+        self._item("Hide panels", "toggle_panels")
+        self._item("Full screen", "toggle_fullscreen")
+
+    def _item(self, text: str, action: str, selected: bool = False) -> None:
+        if imgui.menu_item_simple(text, keys.shortcut(action), selected):
+            getattr(self._actions, action)()
+
+    def _left_panel(self, top: float, bottom: float) -> None:
+        state, actions = self._state, self._actions
+        imgui.set_next_window_pos((0.0, top))
+        imgui.set_next_window_size((self._panel_width(), bottom - top))
+        imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+        imgui.begin("##panel", None, _FIXED)
+        imgui.pop_style_var()
+        if widgets.section("Settings", open_at_first=True):
+            settings.draw(state, actions)
+        if widgets.section("Lights"):
+            lights.draw(state, actions)
+        if widgets.section("Camera"):
+            camera.draw(state, actions)
+        if widgets.section("Scene"):
+            self._scene_panel.draw(state, actions)
+        if widgets.section("Buffers"):
+            buffers.draw(state, actions, self._renderer)
+        if widgets.section("Window"):
+            interface.draw(state, actions, self._renderer.size)
+        imgui.end()
+
+    @staticmethod
+    def _panel_width() -> float:
+        return min(_PANEL_EM * imgui.get_font_size(), _PANEL_SHARE * imgui.get_io().display_size.x)
+
+    def _timings(self, top: float) -> None:
+        display, gap = imgui.get_io().display_size, 0.6 * imgui.get_font_size()
+        imgui.set_next_window_pos((display.x - gap, top + gap), imgui.Cond_.always, (1.0, 0.0))
+        imgui.begin("##timings", None, _FIXED | imgui.WindowFlags_.always_auto_resize)
+        timings.draw(self._renderer.timings, self._state.frame_time)
+        imgui.end()

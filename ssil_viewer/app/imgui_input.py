@@ -1,0 +1,73 @@
+"""Feeds the events of a moderngl-window window to imgui."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import glfw
+from imgui_bundle import imgui
+
+_NAMES = {
+    "ESCAPE": "escape", "SPACE": "space", "ENTER": "enter", "TAB": "tab", "BACKSPACE": "backspace",
+    "DELETE": "delete", "INSERT": "insert", "HOME": "home", "END": "end", "PAGE_UP": "page_up",
+    "PAGE_DOWN": "page_down", "LEFT": "left_arrow", "RIGHT": "right_arrow", "UP": "up_arrow",
+    "DOWN": "down_arrow", "LEFT_SHIFT": "left_shift", "RIGHT_SHIFT": "right_shift", "LEFT_CTRL": "left_ctrl",
+    "MINUS": "minus", "PERIOD": "period", "COMMA": "comma", "SLASH": "slash", "EQUAL": "equal",
+    "SEMICOLON": "semicolon", "LEFT_BRACKET": "left_bracket", "RIGHT_BRACKET": "right_bracket",
+    "BACKSLASH": "backslash",
+    **{chr(code): chr(code).lower() for code in range(ord("A"), ord("Z") + 1)},
+    **{f"NUMBER_{digit}": f"_{digit}" for digit in range(10)},
+    **{f"F{number}": f"f{number}" for number in range(1, 13)},
+}
+_BUTTONS = {1: 0, 2: 1, 3: 2}   # moderngl-window: left, right, middle from 1; imgui the same from 0
+
+
+class ImguiInput:
+    """Translates keys, buttons and sizes. Positions are in window units, as imgui wants them.
+
+    Args:
+        window: A moderngl-window window.
+        handle: Its glfw handle, for the clipboard.
+    """
+
+    def __init__(self, window: Any, handle: Any) -> None:
+        self._io = imgui.get_io()
+        self._window = window
+        self._keys = {getattr(window.keys, name): getattr(imgui.Key, imgui_name)
+                      for name, imgui_name in _NAMES.items() if hasattr(window.keys, name)}
+        platform = imgui.get_platform_io()
+        platform.platform_get_clipboard_text_fn = lambda _: (glfw.get_clipboard_string(handle) or b"").decode()
+        platform.platform_set_clipboard_text_fn = lambda _, text: glfw.set_clipboard_string(handle, text)
+
+    def begin_frame(self, seconds: float) -> None:
+        """Sizes and time of the frame that starts."""
+        width, height = self._window.size
+        pixels = self._window.buffer_size
+        self._io.display_size = (width, height)
+        self._io.display_framebuffer_scale = (pixels[0] / max(width, 1), pixels[1] / max(height, 1))
+        self._io.delta_time = max(seconds, 1e-4)
+
+    def key(self, key: Any, down: bool, ctrl: bool, shift: bool, alt: bool) -> None:
+        """A key went down or up; the modifiers are those held afterwards."""
+        self._io.add_key_event(imgui.Key.mod_ctrl, ctrl)
+        self._io.add_key_event(imgui.Key.mod_shift, shift)
+        self._io.add_key_event(imgui.Key.mod_alt, alt)
+        if key in self._keys:
+            self._io.add_key_event(self._keys[key], down)
+
+    def character(self, text: str) -> None:
+        """Text was typed."""
+        self._io.add_input_character(ord(text))
+
+    def move(self, x: float, y: float) -> None:
+        """The cursor is at a place of the window."""
+        self._io.add_mouse_pos_event(x, y)
+
+    def button(self, button: int, down: bool) -> None:
+        """A mouse button of moderngl-window's numbering went down or up."""
+        if button in _BUTTONS:
+            self._io.add_mouse_button_event(_BUTTONS[button], down)
+
+    def wheel(self, x: float, y: float) -> None:
+        """The wheel turned."""
+        self._io.add_mouse_wheel_event(x, y)

@@ -1,0 +1,142 @@
+"""Chooses a file inside the window: works the same everywhere, also where no desktop dialog is installed."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable
+
+from imgui_bundle import imgui
+
+from ssil_viewer.app.panels import widgets
+
+_TITLE = "Open a scene, settings (.toml) or saved picture (.png)"
+# What the program opens; the box shows everything when asked.
+_SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".3mf", ".dae", ".toml", ".png")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the list."""
+
+    name: str
+    is_folder: bool
+    size: int = 0
+
+
+class FileBrowser:
+    """A modal list of one folder at a time.
+
+    Args:
+        choose: Called with the file that was chosen.
+    """
+
+    def __init__(self, choose: Callable[[Path], None]) -> None:
+        self._choose = choose
+        self._folder = Path.cwd()
+        self._entries: list[Entry] = []
+        self._problem = ""
+        self._all_files = False
+        self._wanted = False
+
+    def open(self) -> None:
+        """Show the list from the next frame on."""
+        self._wanted = True
+        self._enter(self._folder)
+
+    def draw(self) -> None:
+        """Draw the box while it is open."""
+        if self._wanted:
+            imgui.open_popup(_TITLE)
+            self._wanted = False
+        display, em = imgui.get_io().display_size, imgui.get_font_size()
+        size = min(46 * em, 0.9 * display.x), min(32 * em, 0.85 * display.y)
+        imgui.set_next_window_size(size, imgui.Cond_.appearing)
+        imgui.set_next_window_pos((display.x / 2, display.y / 2), imgui.Cond_.appearing, (0.5, 0.5))
+        if not imgui.begin_popup_modal(_TITLE)[0]:
+            return
+        if imgui.is_key_pressed(imgui.Key.escape):
+            imgui.close_current_popup()
+        self._header()
+        chosen = self._list()
+        if imgui.button("Cancel"):
+            imgui.close_current_popup()
+        imgui.same_line()
+        changed, self._all_files = imgui.checkbox("All files", self._all_files)
+        if changed:
+            self._enter(self._folder)
+        if chosen:
+            imgui.close_current_popup()
+        imgui.end_popup()
+        if chosen:
+            self._choose(chosen)
+
+    def _header(self) -> None:
+        if imgui.button("Up"):
+            self._enter(self._folder.parent)
+        imgui.same_line()
+        if imgui.button("Home"):
+            self._enter(Path.home())
+        imgui.same_line()
+        imgui.set_next_item_width(-1)
+        entered, text = imgui.input_text("##folder", str(self._folder), imgui.InputTextFlags_.enter_returns_true)
+        if entered:
+            self._enter(Path(text).expanduser())
+        if self._problem:
+            widgets.complaint(self._problem)
+
+    def _list(self) -> Path | None:
+        chosen = None
+        bottom = imgui.get_frame_height_with_spacing()
+        flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.scroll_y | imgui.TableFlags_.borders_outer
+        if not imgui.begin_table("files", 2, flags, (0.0, -bottom)):
+            return None
+        imgui.table_setup_column("name", imgui.TableColumnFlags_.width_stretch)
+        imgui.table_setup_column("size", imgui.TableColumnFlags_.width_fixed)
+        for entry in self._entries:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            text = f"{entry.name}{os.sep if entry.is_folder else ''}"
+            if imgui.selectable(text, False, imgui.SelectableFlags_.span_all_columns)[0]:
+                chosen = self._folder / entry.name
+            imgui.table_next_column()
+            if not entry.is_folder:
+                imgui.text_disabled(f"{entry.size / 1024:,.0f} KiB")
+        imgui.end_table()
+        if chosen and chosen.is_dir():
+            self._enter(chosen)
+            return None
+        return chosen
+
+    def _enter(self, folder: Path) -> None:
+        try:
+            self._entries = list_folder(folder, None if self._all_files else _SUFFIXES)
+            self._folder = folder.resolve()
+            self._problem = ""
+        except OSError as error:
+            self._problem = f"{folder}: {error.strerror or error}"
+
+
+def list_folder(folder: Path, suffixes: tuple[str, ...] | None) -> list[Entry]:
+    """Folders first, then files, by name; hidden ones left out.
+
+    Args:
+        suffixes: Endings of files that are kept, or None for all.
+
+    Raises:
+        OSError: The folder cannot be read.
+    """
+    entries = []
+    with os.scandir(folder) as items:
+        for item in items:
+            if item.name.startswith("."):
+                continue
+            try:
+                if item.is_dir():
+                    entries.append(Entry(item.name, True))
+                elif suffixes is None or item.name.lower().endswith(suffixes):
+                    entries.append(Entry(item.name, False, item.stat().st_size))
+            except OSError:   # a link that leads nowhere
+                continue
+    return sorted(entries, key=lambda entry: (not entry.is_folder, entry.name.lower()))

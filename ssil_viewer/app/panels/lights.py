@@ -1,0 +1,155 @@
+"""The lights: edit, add, delete, and let one move."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from imgui_bundle import imgui
+
+from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.state import AppState
+from ssil_viewer.scene.model import Light
+
+_MAX_INTENSITY = 1e6
+_STEEPEST = math.radians(89.9)
+
+
+def draw(state: AppState, actions: Actions) -> None:
+    """The list of lights, the editor of each, and the motion."""
+    _add_buttons(state)
+    for index, light in enumerate(state.lights):
+        imgui.push_id(index)
+        text = light.name or f"{light.kind.capitalize()} {index + 1}"
+        if imgui.tree_node_ex(f"{text}###light", imgui.TreeNodeFlags_.span_avail_width):
+            edited = _edit(light, state.camera.scene_radius)
+            deleted = imgui.button("Delete")
+            imgui.tree_pop()
+            if deleted:
+                _delete(state, index)
+                imgui.pop_id()
+                break
+            if edited != light:
+                state.lights = (*state.lights[:index], edited, *state.lights[index + 1:])
+        imgui.pop_id()
+    if state.lights:
+        imgui.separator_text("Moving light")
+        _motion(state, actions)
+    else:
+        widgets.muted("No lights. Add one, or open a scene that has some.")
+
+
+def _add_buttons(state: AppState) -> None:
+    imgui.align_text_to_frame_padding()
+    imgui.text("Add")
+    camera = state.camera
+    for kind in ("point", "spot", "directional"):
+        imgui.same_line()
+        if imgui.button(kind.capitalize()):
+            # Bright enough to be seen at the distance of what the camera looks at.
+            intensity = 3.0 if kind == "directional" else round(5.0 * camera.distance ** 2, 3)
+            place = 0.5 * (camera.eye + camera.target)
+            state.lights += (Light(kind, f"New {kind}", intensity=intensity, position=_triple(place),
+                                   direction=_triple(camera.forward) if kind == "spot" else (-0.3, -0.9, -0.3)),)
+
+
+def _edit(light: Light, scene_radius: float) -> Light:
+    changes: dict[str, Any] = {}
+    widgets.label("Colour")
+    changed, color = imgui.color_edit3("##color", list(light.color), imgui.ColorEditFlags_.float)
+    if changed:
+        changes["color"] = _triple(color)
+    unit = "W/m\u00b2" if light.kind == "directional" else "W/sr"
+    widgets.label("Intensity", "Irradiance facing the light." if light.kind == "directional" else
+                  "Radiant intensity: irradiance at one metre.")
+    changed, value = imgui.drag_float("##intensity", light.intensity, max(0.01 * light.intensity, 0.001), 0.0,
+                                      _MAX_INTENSITY, f"%.3g {unit}", imgui.SliderFlags_.always_clamp)
+    if changed:
+        changes["intensity"] = value
+    if light.kind != "directional":
+        widgets.label("Position", "World space, metres.")
+        changed, place = widgets.vector("position", light.position, 0.003 * scene_radius)
+        if changed:
+            changes["position"] = place
+    if light.kind != "point":
+        changes |= _edit_direction(light.direction)
+    if light.kind == "spot":
+        changes |= _edit_cone(light)
+    widgets.label("Casts shadow")
+    changed, casts = imgui.checkbox("##shadow", light.cast_shadow)
+    if changed:
+        changes["cast_shadow"] = casts
+    return dataclasses.replace(light, **changes) if changes else light
+
+
+def _edit_direction(direction: tuple[float, float, float]) -> dict[str, Any]:
+    x, y, z = direction
+    azimuth, elevation = math.atan2(x, z), math.asin(min(max(y, -1.0), 1.0))
+    widgets.label("Azimuth", "Direction in which the light travels: 0 is +Z, 90 is +X.")
+    turned, azimuth = imgui.slider_angle("##azimuth", azimuth, -180.0, 180.0)
+    widgets.label("Elevation", "Direction in which the light travels: -90 is straight down.")
+    tilted, elevation = imgui.slider_angle("##elevation", elevation, -90.0, 90.0)
+    if not (turned or tilted):
+        return {}
+    # At the very pole the azimuth would be lost.
+    elevation = min(max(elevation, -_STEEPEST), _STEEPEST)
+    flat = math.cos(elevation)
+    return {"direction": (flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth))}
+
+
+def _edit_cone(light: Light) -> dict[str, Any]:
+    outer, inner = math.degrees(light.outer_cone), math.degrees(light.inner_cone)
+    widgets.label("Cone", "Half angle at which the light ends.")
+    widened, outer = imgui.slider_float("##outer", outer, 1.0, 90.0, "%.1f deg", imgui.SliderFlags_.always_clamp)
+    widgets.label("Full inside", "Half angle up to which the light has its full intensity.")
+    softened, inner = imgui.slider_float("##inner", inner, 0.0, 89.0, "%.1f deg", imgui.SliderFlags_.always_clamp)
+    if not (widened or softened):
+        return {}
+    return {"outer_cone": math.radians(outer), "inner_cone": math.radians(min(inner, outer - 0.5))}
+
+
+def _motion(state: AppState, actions: Actions) -> None:
+    motion = state.motion
+    names = ["none"] + [light.name or f"{light.kind} {i + 1}" for i, light in enumerate(state.lights)]
+    # The same name twice must stay two entries.
+    entries = [f"{name}##{i}" for i, name in enumerate(names)]
+    at = 0 if motion.light is None else motion.light + 1
+    widgets.label("Light", "This light moves by itself; P pauses it.")
+    if imgui.begin_combo("##moving", names[at]):
+        for index, entry in enumerate(entries):
+            if imgui.selectable(entry, index == at)[0] and index != at:
+                reach = 0.15 * state.camera.scene_radius
+                motion = dataclasses.replace(motion, light=index - 1 if index else None, reach=reach, paused=False)
+        imgui.end_combo()
+    if motion.light is not None:
+        widgets.label("Path")
+        motion = dataclasses.replace(motion, path=widgets.choice("path", motion.path, ("circle", "swing")))
+        if motion.path == "swing" and state.lights[motion.light].kind != "directional":
+            widgets.label("Along")
+            axis = widgets.choice("axis", "XYZ"[motion.axis], ("X", "Y", "Z"))
+            motion = dataclasses.replace(motion, axis="XYZ".index(axis))
+        widgets.label("Round takes")
+        period = imgui.slider_float("##period", motion.period, 0.5, 60.0, "%.1f s",
+                                    imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp)[1]
+        motion = dataclasses.replace(motion, period=period)
+        if state.lights[motion.light].kind != "directional":
+            widgets.label("Reach")
+            reach = imgui.slider_float("##reach", motion.reach, 0.0, state.camera.scene_radius, "%.2f m")[1]
+            motion = dataclasses.replace(motion, reach=max(reach, 0.0))
+    if motion != state.motion:
+        state.motion = motion
+    if motion.light is not None and imgui.button("Resume (P)" if motion.paused else "Pause (P)"):
+        actions.pause_light()
+
+
+def _delete(state: AppState, index: int) -> None:
+    state.lights = state.lights[:index] + state.lights[index + 1:]
+    moving = state.motion.light
+    if moving is not None and moving >= index:
+        state.motion = dataclasses.replace(state.motion, light=None if moving == index else moving - 1)
+
+
+def _triple(values: Any) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

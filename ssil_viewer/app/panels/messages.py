@@ -1,0 +1,99 @@
+"""Messages that go away, the errors of shaders, and the line at the bottom."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from imgui_bundle import imgui
+
+from ssil_viewer.app import theme
+from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.state import AppState
+
+_BAR = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+        | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing)
+_SPINNER_DOTS = 4
+
+
+def draw_toasts(state: AppState, bottom: float) -> None:
+    """Messages in the lower right corner, the newest at the bottom.
+
+    Args:
+        bottom: Where the stack ends, in window units from the top.
+    """
+    state.drop_old_toasts()
+    display, em = imgui.get_io().display_size, imgui.get_font_size()
+    y = bottom - 0.6 * em
+    for index, toast in reversed(list(enumerate(state.toasts))):
+        width = min(30.0 * em, 0.9 * display.x)
+        imgui.set_next_window_pos((display.x - 0.6 * em, y), imgui.Cond_.always, (1.0, 1.0))
+        imgui.set_next_window_size((width, 0.0))
+        imgui.begin(f"##toast{index}", None, _BAR | imgui.WindowFlags_.no_inputs | imgui.WindowFlags_.always_auto_resize)
+        if toast.kind == "error":
+            widgets.complaint(toast.text)
+        else:
+            imgui.text_wrapped(toast.text)
+        y -= imgui.get_window_height() + 0.3 * em
+        imgui.end()
+
+
+def draw_loading(source: str, top: float) -> None:
+    """What is being loaded, at the top in the middle."""
+    display = imgui.get_io().display_size
+    dots = "." * (1 + int(time.monotonic() * 3) % _SPINNER_DOTS)
+    imgui.set_next_window_pos((display.x / 2, top), imgui.Cond_.always, (0.5, 0.0))
+    imgui.begin("##loading", None, _BAR | imgui.WindowFlags_.no_inputs | imgui.WindowFlags_.always_auto_resize)
+    imgui.text(f"Loading {source} {dots:<{_SPINNER_DOTS}}")
+    imgui.end()
+
+
+def draw_shader_error(state: AppState) -> None:
+    """What the compiler said; the old shaders go on meanwhile."""
+    if not state.shader_error:
+        return
+    display, em = imgui.get_io().display_size, imgui.get_font_size()
+    imgui.set_next_window_size((min(50 * em, 0.9 * display.x), 0.0), imgui.Cond_.appearing)
+    imgui.set_next_window_pos((display.x / 2, display.y / 2), imgui.Cond_.appearing, (0.5, 0.5))
+    shown, still_open = imgui.begin("Shader error", True, imgui.WindowFlags_.no_collapse)
+    if shown:
+        widgets.muted("The old shaders are still in use. Mend the file and press F5.")
+        imgui.separator()
+        widgets.complaint(state.shader_error)
+        if imgui.button("Copy"):
+            imgui.set_clipboard_text(state.shader_error)
+    imgui.end()
+    if not still_open:
+        state.shader_error = ""
+
+
+def status_height() -> float:
+    """Height of the line at the bottom."""
+    return imgui.get_frame_height() + 2
+
+
+def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
+    """What is shown, why there may be no indirect light, and how fast it goes."""
+    display, height = imgui.get_io().display_size, status_height()
+    imgui.set_next_window_pos((0, display.y - height))
+    imgui.set_next_window_size((display.x, height))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (imgui.get_style().window_padding.x, 3.0))
+    imgui.begin("##status", None, _BAR)
+    imgui.pop_style_var(2)
+    shown = f"buffer {state.buffer}, level {state.level}" if state.buffer else f"{state.settings.show} light"
+    if not state.buffer and state.settings.show == "both":
+        shown = "direct + indirect light"
+    imgui.text_disabled(f"{state.scene.name}   |   {shown}   |   {state.camera.mode}")
+    if state.no_indirect:
+        imgui.same_line(0.0, 2 * imgui.get_font_size())
+        imgui.text_colored(theme.ACCENT, state.no_indirect)
+    seconds = state.frame_time
+    rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 and math.isfinite(seconds) else "n/a"
+    text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
+    imgui.same_line()
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
+    if room > 0.0:
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + room)
+        imgui.text_disabled(text)
+    imgui.end()

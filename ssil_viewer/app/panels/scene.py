@@ -1,0 +1,73 @@
+"""The scene: what is open, what else can be opened, and what the loader could not keep."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.state import AppState
+from ssil_viewer.scene import BUILTIN_SCENES
+
+
+class ScenePanel:
+    """Remembers what was typed into the path field."""
+
+    def __init__(self) -> None:
+        self._path = ""
+
+    def draw(self, state: AppState, actions: Actions) -> None:
+        """Source, facts and warnings."""
+        widgets.label("Built-in")
+        name = state.scene.name.removeprefix("builtin:")
+        if imgui.begin_combo("##builtin", name if name in BUILTIN_SCENES else "choose..."):
+            draw_builtin_entries(actions)
+            imgui.end_combo()
+        widgets.label("File", "A path, then Enter. Files can be dropped on the window too.")
+        imgui.set_next_item_width(-imgui.calc_text_size("Browse").x - 4 * imgui.get_style().frame_padding.x)
+        entered, self._path = imgui.input_text_with_hint(
+            "##path", "path", self._path, imgui.InputTextFlags_.enter_returns_true)
+        imgui.same_line()
+        if imgui.button("Browse"):
+            actions.browse_scene()
+        if entered and self._path.strip():
+            actions.open_scene(self._path.strip().strip('"'))
+        _facts(state)
+        warnings = state.scene.warnings
+        if warnings and imgui.tree_node(f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}###warnings"):
+            for warning in warnings:
+                widgets.muted(warning)
+            imgui.tree_pop()
+
+
+def draw_builtin_entries(actions: Actions) -> None:
+    """The built-in scenes as entries of a combo box or a menu."""
+    for name, text in BUILTIN_SCENES.items():
+        if imgui.menu_item_simple(name):
+            actions.open_scene(f"builtin:{name}")
+        widgets.hint(text)
+
+
+def _facts(state: AppState) -> None:
+    scene = state.scene
+    low, high = scene.bounds()
+    rows = {
+        "Name": scene.name,
+        "Triangles": f"{scene.triangle_count:,}",
+        "Meshes": f"{len(scene.meshes):,}, {len(scene.instances):,} instances",
+        "Materials": f"{len(scene.materials):,}, {len(scene.images):,} textures",
+        "Lights": f"{len(scene.lights)}",
+        "Cameras": f"{len(scene.cameras)}",
+        "Size": " x ".join(f"{length:.3g}" for length in high - low) + " m",
+    }
+    if not imgui.begin_table("facts", 2, imgui.TableFlags_.row_bg):
+        return
+    imgui.table_setup_column("name", imgui.TableColumnFlags_.width_fixed)
+    imgui.table_setup_column("value", imgui.TableColumnFlags_.width_stretch)
+    for name, value in rows.items():
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text_disabled(name)
+        imgui.table_next_column()
+        imgui.text_wrapped(value)
+    imgui.end_table()

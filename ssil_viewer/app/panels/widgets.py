@@ -1,0 +1,89 @@
+"""Small parts that all panels share."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec4, imgui
+
+from ssil_viewer.app import theme
+
+_LABEL_SHARE = 0.42
+_TOOLTIP_EM = 26.0
+
+
+def title_of(name: str) -> str:
+    """A field name as people read it: "start_level" is "Start level"."""
+    return name.replace("_", " ").capitalize()
+
+
+def label(text: str, tooltip: str = "", marked: bool = False) -> bool:
+    """The left part of a row; the next widget fills the rest of it.
+
+    Args:
+        marked: Drawn in the accent colour: the value is not the default.
+
+    Returns:
+        Whether the label was clicked with the right button.
+    """
+    width = imgui.get_content_region_avail().x
+    left = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    if marked:
+        imgui.text_colored(theme.ACCENT, text)
+    else:
+        imgui.text(text)
+    clicked = imgui.is_item_clicked(imgui.MouseButton_.right)
+    hint(tooltip)
+    imgui.same_line(left + _LABEL_SHARE * width)
+    imgui.set_next_item_width(-1)
+    return clicked
+
+
+def hint(text: str) -> None:
+    """A tooltip of the last item, after a short rest of the mouse."""
+    if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.delay_short):
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(imgui.get_font_size() * _TOOLTIP_EM)
+        imgui.text(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def muted(text: str) -> None:
+    """A remark, wrapped."""
+    _wrapped(text, theme.MUTED)
+
+
+def complaint(text: str) -> None:
+    """An error, wrapped."""
+    _wrapped(text, theme.ERROR)
+
+
+def section(text: str, open_at_first: bool = False) -> bool:
+    """A collapsible part of the panel."""
+    flags = imgui.TreeNodeFlags_.default_open if open_at_first else imgui.TreeNodeFlags_.none
+    return imgui.collapsing_header(text, flags)
+
+
+def choice(name: str, current: str, choices: tuple[str, ...] | list[str]) -> str:
+    """A combo box without a label; returns what is chosen now."""
+    result = current
+    if imgui.begin_combo(f"##{name}", current):
+        for item in choices:
+            if imgui.selectable(item, item == current)[0]:
+                result = item
+            if item == current:
+                imgui.set_item_default_focus()
+        imgui.end_combo()
+    return result
+
+
+def vector(name: str, value: tuple[float, ...], speed: float) -> tuple[bool, tuple[float, ...]]:
+    """Three numbers to drag or type."""
+    changed, new = imgui.drag_float3(f"##{name}", list(value), speed, 0.0, 0.0, "%.3f")
+    return changed, tuple(new)
+
+
+def _wrapped(text: str, color: ImVec4) -> None:
+    imgui.push_style_color(imgui.Col_.text, color)
+    imgui.text_wrapped(text)
+    imgui.pop_style_color()

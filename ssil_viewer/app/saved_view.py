@@ -1,0 +1,96 @@
+"""What the window writes and reads back: pictures that remember their settings, and settings files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ssil_viewer import __version__, output
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.model import Camera
+from ssil_viewer.settings import Settings, knobs
+
+
+@dataclasses.dataclass(frozen=True)
+class SavedView:
+    """What a saved picture shows.
+
+    Attributes:
+        scene: Source of the scene, empty when the picture does not say.
+    """
+
+    scene: str
+    settings: Settings
+    camera: Camera
+
+
+def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[str, Any]) -> Path:
+    """Write a PNG under a new name that begins with the time.
+
+    Args:
+        rgb: (H, W, 3) uint8, sRGB-encoded, row 0 = top.
+        view: Stored inside, for `load_picture`.
+        details: More to store, such as the name of the GPU.
+
+    Raises:
+        UserError: The folder cannot be written to.
+    """
+    camera = dataclasses.asdict(view.camera)
+    metadata = details | {"version": __version__, "scene": view.scene, "camera": camera,
+                          "settings": dataclasses.asdict(view.settings)}
+    path = output.check_target(_free_name(folder), (".png",))
+    output.write_png(path, rgb, metadata)
+    return path
+
+
+def load_picture(path: Path) -> SavedView:
+    """What a saved PNG shows. Settings it does not know keep their defaults.
+
+    Raises:
+        UserError: The file is no picture, or was not written by this program.
+    """
+    try:
+        data = output.read_metadata(path)
+    except (OSError, ValueError, SyntaxError) as error:   # Pillow raises SyntaxError for broken chunks
+        raise UserError("picture cannot be read", str(path), str(error)) from error
+    if not isinstance(data, dict) or not {"settings", "camera"} <= data.keys():
+        raise UserError("picture holds no settings", str(path), "drop one that was saved with F12")
+    try:
+        fields = {f.name for f in dataclasses.fields(Camera)}
+        camera = {k: tuple(v) if isinstance(v, list) else v for k, v in data["camera"].items() if k in fields}
+        known = {info.name for info in knobs()}
+        values = {name: value for name, value in data["settings"].items() if name in known}
+        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), Camera(**camera))
+    except (AttributeError, TypeError) as error:
+        raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
+
+
+def settings_text(settings: Settings) -> str:
+    """A settings file (TOML) with every value that is not the default."""
+    default = Settings()
+    lines = [f"{info.name} = {_toml(getattr(settings, info.name))}\n" for info in knobs()
+             if getattr(settings, info.name) != getattr(default, info.name)]
+    return "".join(lines) or "# All settings have their default values.\n"
+
+
+def save_settings(path: Path, settings: Settings) -> Path:
+    """Write a settings file. Raises UserError when the place cannot be written to."""
+    path = output.check_target(path, (".toml",))
+    output.write_text(path, settings_text(settings))
+    return path
+
+
+def _free_name(folder: Path) -> Path:
+    stem = datetime.now().strftime("ssil-%Y%m%d-%H%M%S")
+    names = [f"{stem}.png", *(f"{stem}-{n}.png" for n in range(2, 100))]
+    return next((folder / name for name in names if not (folder / name).exists()), folder / names[-1])
+
+
+def _toml(value: bool | int | float | str) -> str:
+    # JSON and TOML write booleans, numbers and plain strings alike.
+    return json.dumps(value)

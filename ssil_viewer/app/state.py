@@ -1,0 +1,114 @@
+"""Everything the window remembers, as plain data. Events and panels change it; the frame reads it."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Literal
+
+from ssil_viewer.app.camera_control import CameraControl
+from ssil_viewer.app.light_motion import LightMotion
+from ssil_viewer.scene.model import Camera, Light, Scene
+from ssil_viewer.settings import Settings
+
+_TOAST_SECONDS = {"info": 4.0, "error": 10.0}
+_MOST_TOASTS = 5
+_FRAMES_KEPT = 30
+
+
+@dataclass(frozen=True)
+class Toast:
+    """A message that goes away by itself.
+
+    Attributes:
+        until: `time.monotonic()` at which it goes.
+    """
+
+    text: str
+    kind: Literal["info", "error"]
+    until: float
+
+
+@dataclass(frozen=True)
+class PixelReading:
+    """Values under the cursor.
+
+    Attributes:
+        x, y: Pixel of the image, row 0 = top.
+        values: Buffer name to its channels.
+    """
+
+    x: int
+    y: int
+    values: dict[str, tuple[float, ...]]
+
+
+@dataclass
+class AppState:
+    """The state of the window.
+
+    Attributes:
+        settings: What the user wants; the renderer follows at the next frame.
+        home: Camera that the scene was opened with.
+        lights: The lights as edited, without their motion.
+        buffer: Name of the buffer shown in place of the image, or None.
+        level: Mip level of that buffer.
+        ui_scale: Size of text and panels on top of what the monitor asks for.
+        render_scale: Rendered pixels per framebuffer pixel along each side.
+        shader_error: What the compiler said at the last reload, or empty.
+        no_indirect: Why there is no indirect light, or empty.
+        continuous: Render every turn of the loop, also while nothing changes.
+        shader_generation: Counts reloads of the shaders.
+        frame_seconds: Wall time of the last frames.
+    """
+
+    settings: Settings
+    scene: Scene
+    home: Camera
+    camera: CameraControl = field(default_factory=CameraControl)
+    lights: tuple[Light, ...] = ()
+    motion: LightMotion = field(default_factory=LightMotion)
+    buffer: str | None = None
+    level: int = 0
+    inspector: bool = False
+    pixel: PixelReading | None = None
+    panels_visible: bool = True
+    timings_visible: bool = True
+    help_open: bool = False
+    about_open: bool = False
+    ui_scale: float = 1.0
+    render_scale: float = 1.0
+    vsync: bool = True
+    continuous: bool = True
+    shader_generation: int = 0
+    loading: str | None = None
+    shader_error: str = ""
+    no_indirect: str = ""
+    toasts: list[Toast] = field(default_factory=list)
+    frame_seconds: deque[float] = field(default_factory=lambda: deque(maxlen=_FRAMES_KEPT))
+
+    def open_scene(self, scene: Scene, camera: Camera) -> None:
+        """Take over a new scene; the camera of the old one would mean nothing in it."""
+        self.scene, self.home = scene, camera
+        self.lights = scene.lights
+        self.motion = LightMotion()
+        self.camera.set_scene_size(*scene.bounds())
+        self.camera.viewpoints = dict(enumerate(scene.cameras[:9], start=1))
+        self.camera.set_camera(camera)
+
+    def say(self, text: str, kind: Literal["info", "error"] = "info") -> None:
+        """Show a message for a while; the same message again only stays longer."""
+        self.toasts = [toast for toast in self.toasts if toast.text != text][-(_MOST_TOASTS - 1):]
+        self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind]))
+
+    def drop_old_toasts(self) -> None:
+        """Forget messages whose time is over."""
+        now = time.monotonic()
+        self.toasts = [toast for toast in self.toasts if toast.until > now]
+
+    @property
+    def frame_time(self) -> float:
+        """Median wall time of the last frames in seconds; 0 before the first."""
+        return statistics.median(self.frame_seconds) if self.frame_seconds else 0.0

@@ -1,0 +1,359 @@
+"""The window: events in, state out, and the order of one frame."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import glfw
+import moderngl
+import numpy as np
+from imgui_bundle import imgui
+
+from ssil_viewer.app import theme
+from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.diagnosis import why_no_indirect
+from ssil_viewer.app.glfw_window import GlfwWindow, open_window
+from ssil_viewer.app.gui import Gui
+from ssil_viewer.app.imgui_input import ImguiInput
+from ssil_viewer.app.imgui_renderer import ImguiRenderer
+from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord, actions as key_actions
+from ssil_viewer.app.pacing import Pacer
+from ssil_viewer.app.scene_loading import SceneLoader
+from ssil_viewer.app.state import AppState, PixelReading
+from ssil_viewer.errors import UserError
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene import default_camera, load_scene
+from ssil_viewer.scene.model import Camera, Light, Scene
+from ssil_viewer.settings import Settings
+
+_MINIMISED_WAIT = 0.1      # s between looks at the events while there is nothing to draw
+_IDLE_WAIT = 0.05          # s between redraws of the panels while nothing changes
+_DOUBLE_CLICK = 0.35       # s
+_CLICK_SLOP = 4.0          # window units that a click may move
+_READING_INTERVAL = 0.2    # s; each reading waits for the GPU
+_SETTLED = 0.7             # s without a change before the picture is looked at for light
+_INSPECTED = ("final", "direct", "indirect", "albedo", "normal", "view_depth")
+_MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
+              "shift": (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
+              "alt": (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT)}
+
+
+def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
+               camera: Camera | None = None, frames: int | None = None, vsync: bool = True) -> None:
+    """Open a window on a scene and return when it is closed.
+
+    Args:
+        scene: Shown first; others can be opened in the window.
+        size: Of the window.
+        camera: First view; None takes the scene's default camera.
+        frames: Close by itself after so many frames; None waits for the user.
+        vsync: Wait for the monitor.
+
+    Raises:
+        UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
+    """
+    window = open_window("SSIL Viewer", size, vsync)
+    try:
+        viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync)
+        # A number of frames is asked for to measure or to test: then each turn has to be one.
+        viewer.state.continuous |= frames is not None
+        try:
+            while not window.is_closing and (frames is None or viewer.frames < frames):
+                viewer.step()
+        finally:
+            viewer.release()
+    finally:
+        window.destroy()
+
+
+class Viewer:
+    """Ties window, renderer and panels together.
+
+    Attributes:
+        state: What the window remembers.
+        frames: Frames drawn so far.
+    """
+
+    def __init__(self, window: GlfwWindow, scene: Scene, settings: Settings, camera: Camera, vsync: bool) -> None:
+        self._window = window
+        self._ctx = window.ctx
+        self.frames = 0
+        self.state = AppState(settings, scene, camera, ui_scale=1.0, vsync=vsync)
+        self.state.open_scene(scene, camera)
+        self._screen = self._ctx.screen
+        self._renderer = Renderer(self._ctx, self._render_size(), settings)
+        self._renderer.set_scene(scene)
+        self._sent_lights: tuple[Light, ...] = self.state.lights
+        self._sent_buffer: tuple[str | None, int] = (None, 0)
+        self._imgui = imgui.create_context()
+        imgui.get_io().set_ini_filename("")
+        theme.load_font()
+        self._style_scale = 0.0
+        self._gui_renderer = ImguiRenderer(self._ctx)
+        self._input = ImguiInput(window, window.handle)
+        self.actions = Actions(self.state, self._renderer, SceneLoader(load_scene, default_camera), self)
+        self._gui = Gui(self.state, self.actions, self._renderer)
+        self.state.continuous = not self._renderer.capabilities.software
+        self._pacer = Pacer(self.state.continuous)
+        self._key_actions = {self._code(chord): action for chord, action in key_actions().items()}
+        self._held: set[int] = set()
+        self._drag: int | None = None
+        self._cursor = (0.0, 0.0)
+        self._last_click = (-1.0, (0.0, 0.0))
+        self._last_reading = 0.0
+        self._changed_at: float | None = None
+        self._rendered = False
+        self._last_view: Any = None
+        self._lit: bool | None = None
+        self._save_window = False
+        self._clock = time.perf_counter()
+        self._connect()
+
+    def step(self) -> None:
+        """One turn of the loop: a frame, panels over the last frame, or a short sleep while minimised."""
+        if self._window.minimised:
+            self._window.wait(_MINIMISED_WAIT)
+            self._clock = time.perf_counter()
+            return
+        now = time.perf_counter()
+        seconds, self._clock = now - self._clock, now
+        self._advance(seconds)
+        self._draw_gui(seconds)
+        self._send()
+        view = self._look()
+        self._pacer.continuous = self.state.continuous
+        if self._pacer.should_render(now, view, self.state.settings, self.state.frame_time):
+            if self._rendered:
+                self.state.frame_seconds.append(seconds)
+            self._rendered = True
+            self._renderer.render(self.state.camera.camera())
+            self.frames += 1
+        else:
+            self._rendered = False
+        self._renderer.present(self._screen)
+        self._gui_renderer.render(imgui.get_draw_data(), self._screen)
+        self._after_frame(view)
+        self._window.swap_buffers()
+        if not self._rendered and self._pacer.idle(now):
+            self._window.wait(_IDLE_WAIT)
+
+    def release(self) -> None:
+        """Give everything back that hangs on the OpenGL context."""
+        self._gui_renderer.release()
+        imgui.destroy_context(self._imgui)
+        self._renderer.release()
+
+    # What actions need of the window
+
+    def close(self) -> None:
+        """End the loop after this frame."""
+        self._window.is_closing = True
+
+    def toggle_fullscreen(self) -> None:
+        """Full screen on and off."""
+        self._window.fullscreen = not self._window.fullscreen
+
+    def set_vsync(self, on: bool) -> None:
+        """Wait for the monitor or not."""
+        self._window.vsync = on
+
+    def copy_text(self, text: str) -> None:
+        """Put text on the clipboard."""
+        glfw.set_clipboard_string(self._window.handle, text)
+
+    def save_after_frame(self) -> None:
+        """Save the window, panels included, when this frame is drawn."""
+        self._save_window = True
+
+    # The parts of a frame
+
+    def _advance(self, seconds: float) -> None:
+        self.actions.poll_loader()
+        self.state.motion = self.state.motion.advanced(seconds)
+        if self.state.camera.mode == "fly" and not self._held_modifier("ctrl") and not self._typing():
+            steps = [step for name, step in MOVEMENT_KEYS.items() if getattr(self._window.keys, name) in self._held]
+            self.state.camera.fly(*(sum(axis) for axis in zip((0, 0, 0), *steps)), seconds=seconds,
+                                  fast=self._held_modifier("shift"))
+
+    def _draw_gui(self, seconds: float) -> None:
+        scale = self.state.ui_scale * self._window.content_scale
+        if scale != self._style_scale:
+            theme.apply(scale)
+            self._style_scale = scale
+        self._input.begin_frame(seconds)
+        imgui.new_frame()
+        self._gui.draw()
+        imgui.render()
+
+    def _send(self) -> None:
+        """Bring the renderer to the state; what it refuses is taken back and reported."""
+        state, renderer = self.state, self._renderer
+        try:
+            if renderer.size != self._render_size():
+                renderer.resize(self._render_size())
+            if renderer.settings != state.settings:
+                renderer.set_settings(state.settings)
+        except UserError as error:
+            state.say(str(error), "error")
+            state.settings = renderer.settings
+        lights = state.motion.applied(state.lights)
+        if lights != self._sent_lights:
+            renderer.set_lights(lights)
+            self._sent_lights = lights
+        if state.buffer is not None and state.buffer not in renderer.buffers():
+            state.buffer = None
+        if (state.buffer, state.level) != self._sent_buffer:
+            renderer.show_buffer(state.buffer, state.level)
+            self._sent_buffer = (state.buffer, state.level)
+        if state.camera.jumped:
+            renderer.reset_history()
+            state.camera.jumped = False
+
+    def _look(self) -> Any:
+        """Everything that the picture depends on."""
+        state = self.state
+        return (state.settings, self._sent_lights, self._sent_buffer, self._renderer.size, state.camera.camera(),
+                state.scene, state.shader_generation)
+
+    def _after_frame(self, view: Any) -> None:
+        if self._save_window:
+            self._save_window = False
+            width, height = self._window.buffer_size
+            pixels = np.frombuffer(self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1),
+                                   np.uint8)
+            self.actions.save_pixels(pixels.reshape(height, width, 3)[::-1])
+        now = time.monotonic()
+        if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
+            self._last_reading = now
+            self.state.pixel = self._read_pixel()
+        self._look_for_light(now, view)
+
+    def _look_for_light(self, now: float, view: Any) -> None:
+        """Once after every change, when the view has settled: is anything in view lit?"""
+        state = self.state
+        if view != self._last_view:
+            self._last_view, self._changed_at = view, now
+        elif self._changed_at is not None and now - self._changed_at > _SETTLED:
+            self._changed_at = None
+            buffers = self._renderer.buffers()
+            if "radiance" in buffers and state.settings.bounces:
+                self._lit = bool(np.any(self._renderer.read("radiance", buffers["radiance"].levels[-1]) > 0.0))
+        state.no_indirect = why_no_indirect(state.settings, state.scene, self._sent_lights, self._lit)
+
+    def _read_pixel(self) -> PixelReading | None:
+        if imgui.get_io().want_capture_mouse:
+            return None
+        u, v = self._cursor[0] / self._window.width, self._cursor[1] / self._window.height
+        if not (0.0 <= u < 1.0 and 0.0 <= v < 1.0):
+            return None
+        buffers, values = self._renderer.buffers(), {}
+        wanted = [(self.state.buffer, self.state.level)] if self.state.buffer else [
+            (name, buffers[name].levels[0]) for name in _INSPECTED if name in buffers]
+        for name, level in wanted:
+            data = np.atleast_3d(self._renderer.read(name, level))
+            pixel = data[int(v * data.shape[0]), int(u * data.shape[1])]
+            values[f"{name}@{level}" if level else name] = tuple(float(x) for x in pixel)
+        width, height = self._renderer.size
+        return PixelReading(int(u * width), int(v * height), values)
+
+    def _render_size(self) -> tuple[int, int]:
+        width, height = self._window.buffer_size
+        scale = self.state.render_scale
+        return max(round(width * scale), 1), max(round(height * scale), 1)
+
+    # Events
+
+    def _connect(self) -> None:
+        window = self._window
+        window.key_event_func = self._on_key
+        window.unicode_char_entered_func = self._input.character
+        window.mouse_position_event_func = self._on_move
+        window.mouse_drag_event_func = self._on_move
+        window.mouse_press_event_func = self._on_press
+        window.mouse_release_event_func = self._on_release
+        window.mouse_scroll_event_func = self._on_wheel
+        window.resize_func = self._on_resize
+        window.dropped = self._on_drop
+
+    def _code(self, chord: Chord) -> tuple[int, bool, bool]:
+        return getattr(self._window.keys, chord.key), chord.ctrl, chord.shift
+
+    def _held_modifier(self, name: str) -> bool:
+        return any(key in self._held for key in _MODIFIERS[name])
+
+    def _typing(self) -> bool:
+        return imgui.get_io().want_text_input
+
+    def _on_key(self, key: int, action: int, modifiers: Any) -> None:
+        self._pacer.event(time.perf_counter())
+        keys = self._window.keys
+        down = action != keys.ACTION_RELEASE
+        (self._held.add if down else self._held.discard)(key)
+        ctrl, shift = self._held_modifier("ctrl"), self._held_modifier("shift")
+        self._input.key(key, down, ctrl, shift, self._held_modifier("alt"))
+        if action != keys.ACTION_PRESS or self._typing():
+            return
+        flying = self.state.camera.mode == "fly" and not ctrl
+        if flying and key in (getattr(keys, name) for name in MOVEMENT_KEYS):
+            return
+        name, digit = self._key_actions.get((key, ctrl, shift), ("", None))
+        if name:
+            getattr(self.actions, name)(*([digit] if digit is not None else []))
+
+    def _on_move(self, x: float, y: float, dx: float, dy: float) -> None:
+        self._pacer.event(time.perf_counter())
+        # The window reports whole units; the drag is taken from positions, so that nothing is lost.
+        dx, dy = x - self._cursor[0], y - self._cursor[1]
+        self._cursor = (x, y)
+        self._input.move(x, y)
+        if self._drag is None:
+            return
+        mouse, camera = self._window.mouse, self.state.camera
+        dx, dy = dx / self._window.height, dy / self._window.height
+        if self._drag == mouse.middle or (self._drag == mouse.left and self._held_modifier("shift")
+                                          and camera.mode == "orbit"):
+            camera.pan(dx, dy)
+        elif self._drag == mouse.right:
+            camera.look(dx, dy)
+        else:
+            camera.rotate(dx, dy)
+
+    def _on_press(self, x: float, y: float, button: int) -> None:
+        self._pacer.event(time.perf_counter())
+        self._cursor = (x, y)
+        self._input.move(x, y)
+        self._input.button(button, True)
+        if imgui.get_io().want_capture_mouse:
+            return
+        self._drag = button
+        if button != self._window.mouse.left:
+            return
+        now, (then, place) = time.monotonic(), self._last_click
+        near = max(abs(x - place[0]), abs(y - place[1])) <= _CLICK_SLOP
+        self._last_click = (now, (x, y))
+        if near and now - then < _DOUBLE_CLICK:
+            self.actions.focus_pixel(x / self._window.width, y / self._window.height)
+
+    def _on_release(self, x: float, y: float, button: int) -> None:
+        self._pacer.event(time.perf_counter())
+        self._input.button(button, False)
+        if button == self._drag:
+            self._drag = None
+
+    def _on_wheel(self, x: float, y: float) -> None:
+        self._pacer.event(time.perf_counter())
+        self._input.wheel(x, y)
+        if not imgui.get_io().want_capture_mouse:
+            self.state.camera.wheel(y)
+
+    def _on_resize(self, width: int, height: int) -> None:
+        if width > 0 and height > 0:
+            # A framebuffer knows the size it had when it was found.
+            self._screen.viewport = (0, 0, width, height)
+            self._screen = self._ctx.detect_framebuffer(self._screen.glo)
+
+    def _on_drop(self, paths: list[Path]) -> None:
+        for path in paths:
+            self.actions.open_path(path)
