@@ -21,11 +21,11 @@ from ssil_viewer.errors import UserError
 METADATA_KEY = "ssil-viewer"
 
 
-def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:
+def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -> Path:
     """Refuses early what could not be written in the end.
 
     Args:
-        suffixes: Allowed endings, lower case, with the dot.
+        suffixes: Allowed endings, lower case, with the dot; any when empty.
 
     Returns:
         The path, with symbolic links followed, so that replacing the file keeps the link.
@@ -35,13 +35,14 @@ def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Pat
     """
     shown = os.fspath(path)
     target = Path(path)
+    wanted = f"give a file that ends in {_either(suffixes)}" if suffixes else "give a file"
     if not target.name or "\0" in shown:
-        raise UserError("no usable output file", repr(shown), f"give a file that ends in {_either(suffixes)}")
+        raise UserError("no usable output file", repr(shown), wanted)
     with _as_user_error(shown):
         if target.is_dir():
-            raise UserError("output is a folder", shown, f"give a file that ends in {_either(suffixes)}")
-        if target.suffix.lower() not in suffixes:
-            raise UserError("output format is not known", shown, f"give a file that ends in {_either(suffixes)}")
+            raise UserError("output is a folder", shown, wanted)
+        if suffixes and target.suffix.lower() not in suffixes:
+            raise UserError("output format is not known", shown, wanted)
         target = target.resolve()
         if not target.parent.exists():
             raise UserError("output folder does not exist", str(target.parent), "create it first")

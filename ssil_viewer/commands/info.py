@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 
+from ssil_viewer import output
 from ssil_viewer.commands.parser import Parser, add_scene
 
 USAGE = "SCENE [flags]"
 EPILOG = ""
+_SIZE = (1280, 720)
 
 
 def add_flags(parser: Parser) -> None:
@@ -18,3 +21,46 @@ def add_flags(parser: Parser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Prints the description, or writes it as JSON."""
+    target = None
+    if args.json not in (None, "-"):
+        target = output.check_target(args.json)
+
+    from ssil_viewer.scene import describe, format_description, load_scene
+
+    description = describe(load_scene(args.scene))
+    targets = _target_bytes()
+    if args.json is None:
+        print(format_description(description))
+        if targets is not None:
+            total = sum(targets.values())
+            per_pixel = total / (_SIZE[0] * _SIZE[1])
+            print(f"  on the GPU  {per_pixel:.0f} bytes per pixel of render targets,"
+                  f" {total / 1e6:.0f} MB at {_SIZE[0]}x{_SIZE[1]} with default settings")
+        return
+    if targets is not None:
+        description["render_targets"] = {"size": list(_SIZE), "bytes": targets}
+    text = json.dumps(description, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if target is None:
+        print(text, end="")
+    else:
+        output.write_text(target, text)
+
+
+def _target_bytes() -> dict[str, int] | None:
+    """Bytes of each render target, or None where there is no OpenGL to ask."""
+    try:
+        from ssil_viewer.gpu.context import create_headless_context
+        from ssil_viewer.pipeline import Renderer
+
+        context = create_headless_context()
+        try:
+            renderer = Renderer(context, _SIZE)
+            try:
+                return renderer.target_bytes()
+            finally:
+                renderer.release()
+        finally:
+            context.release()
+    except Exception:
+        # Drivers fail in many ways, and the scene can be described without any of them.
+        return None

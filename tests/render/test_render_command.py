@@ -1,0 +1,185 @@
+"""`ssil-viewer render` as users run it: another process, files out."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ssil_viewer import output
+from ssil_viewer.settings import Settings
+
+SIZE = (64, 36)
+FAST = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--samples", "8", "--frames", "2"]
+PROMISED = {
+    "final": 3, "direct": 3, "indirect": 3, "radiance": 3, "albedo": 3, "normal": 3, "view_depth": 1,
+}
+
+
+def ssil_viewer(*words: str, cwd: Path, **options) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "ssil_viewer", *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, **options)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory) -> Path:
+    """A folder with the same view in every format, and some views of single buffers."""
+    folder = tmp_path_factory.mktemp("rendered")
+    for words in (["image.png"], ["again.png"], ["image.exr"], ["image.npz"], ["normal.png", "--view", "normal"],
+                  ["coarse.npz", "--view", "radiance@2"], ["depth.exr", "--view", "view_depth"]):
+        done = ssil_viewer("render", "builtin:cornell", *FAST, "-o", *words, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == f"wrote {words[0]} (64x36, 2 frames)\n"
+        assert done.stderr == ""
+    return folder
+
+
+def test_nothing_but_the_files_is_left(rendered):
+    names = {"image.png", "again.png", "image.exr", "image.npz", "normal.png", "coarse.npz", "depth.exr"}
+    assert {path.name for path in rendered.iterdir()} == names
+
+
+def test_png_is_a_picture_that_says_how_it_was_made(rendered):
+    with Image.open(rendered / "image.png") as image:
+        assert (image.mode, image.size) == ("RGB", SIZE)
+        assert np.asarray(image).std() > 10, "a Cornell box is not one colour"
+    made = output.read_metadata(rendered / "image.png")
+    assert made["scene"] == "builtin:cornell"
+    assert made["size"] == list(SIZE)
+    assert Settings(**made["settings"]) == Settings(samples=8)
+    assert len(made["camera"]["eye"]) == 3
+
+
+def test_the_same_flags_give_the_same_bytes(rendered):
+    assert (rendered / "image.png").read_bytes() == (rendered / "again.png").read_bytes()
+
+
+def test_npz_has_the_promised_arrays(rendered):
+    with np.load(rendered / "image.npz") as file:
+        arrays = dict(file)
+    for name, channels in PROMISED.items():
+        shape = (SIZE[1], SIZE[0]) if channels == 1 else (SIZE[1], SIZE[0], channels)
+        assert arrays[name].shape == shape, name
+    for name, values in arrays.items():
+        assert values.dtype == np.float32, name
+        assert np.isfinite(values).all(), name
+    assert "display" not in arrays
+    surface = arrays["view_depth"] > 0
+    assert surface.any()
+    assert np.allclose(np.linalg.norm(arrays["normal"][surface], axis=-1), 1, atol=1e-2)
+
+
+def test_row_0_is_the_top(rendered):
+    """The floor of the box, whose normal points up, is below its ceiling, whose normal points down."""
+    with np.load(rendered / "image.npz") as file:
+        up = file["normal"][..., 1]
+    floor, ceiling = np.nonzero(up > 0.7)[0], np.nonzero(up < -0.7)[0]
+    assert floor.min() > ceiling.max()
+
+
+def test_exr_holds_the_final_image_and_layers(rendered):
+    import OpenEXR
+
+    with np.load(rendered / "image.npz") as file:
+        final = file["final"]
+    with OpenEXR.File(str(rendered / "image.exr"), separate_channels=True) as file:
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    assert np.array_equal(np.stack([channels[letter] for letter in "RGB"], -1), final)
+    assert {"indirect.R", "normal.X", "view_depth.Z", "albedo.G"} <= channels.keys()
+
+
+def test_one_buffer_as_the_image(rendered):
+    import OpenEXR
+
+    with np.load(rendered / "image.npz") as file:
+        normal, depth = file["normal"], file["view_depth"]
+    with np.load(rendered / "coarse.npz") as file:
+        assert file.files == ["radiance"]
+        assert file["radiance"].shape == (9, 16, 3)
+    with OpenEXR.File(str(rendered / "depth.exr"), separate_channels=True) as file:
+        assert np.array_equal(file.channels()["Y"].pixels, depth)
+    with Image.open(rendered / "normal.png") as image:
+        shown = np.asarray(image) / 255
+    surface = depth > 0
+    assert np.abs(shown - (normal * 0.5 + 0.5))[surface].mean() < 0.05
+
+
+@pytest.mark.parametrize("view, shown", [("normla", "did you mean normal?"), ("normal@9", "levels"),
+                                         ("normal@x", "cannot use"), ("@1", "cannot use")])
+def test_views_that_do_not_exist(tmp_path, view, shown):
+    done = ssil_viewer("render", "builtin:cornell", *FAST, "-o", "a.png", "--view", view, cwd=tmp_path)
+    assert done.returncode == 2
+    assert shown in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("size", ["1x1", "3x7", "1x97", "127x2"])
+def test_odd_sizes(tmp_path, size):
+    done = ssil_viewer("render", "builtin:cornell", "--size", size, "--frames", "2", "-o", "a.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a.npz") as file:
+        assert file["final"].shape[1::-1] == tuple(map(int, size.split("x")))
+        assert all(np.isfinite(values).all() for values in file.values())
+
+
+def test_no_bounce_has_no_indirect_light(tmp_path):
+    done = ssil_viewer("render", "builtin:cornell", *FAST, "--bounces", "0", "-o", "a.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a.npz") as file:
+        assert not file["indirect"].any()
+        assert np.array_equal(file["final"], file["direct"])
+
+
+def test_timings_name_every_pass(tmp_path):
+    words = ["render", "builtin:cornell", "--size", "64x36", "--samples", "8", "-o", "a.png", "--timings"]
+    done = ssil_viewer(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for name in ("gbuffer", "direct", "mipmap", "gather", "upsample", "temporal", "composite", "whole frame"):
+        assert name in done.stdout
+    few = ssil_viewer(*words, "--frames", "1", cwd=tmp_path)
+    assert "Use --frames" in few.stdout
+    assert "nan" not in few.stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+@pytest.mark.parametrize("number, status", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_render_leaves_nothing(tmp_path, number, status):
+    words = ["render", "builtin:cornell", "--size", "320x180", "--frames", "100000", "-o", "a.png"]
+    command = [sys.executable, "-m", "ssil_viewer", *words]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(4)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out, err) == (status, "", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_scenes_lists_what_can_be_opened(tmp_path):
+    done = ssil_viewer("scenes", cwd=tmp_path)
+    assert done.returncode == 0
+    assert {"builtin:atrium", "builtin:cornell"} <= set(done.stdout.split())
+
+
+def test_info_says_what_was_loaded(tmp_path):
+    done = ssil_viewer("info", "builtin:cornell", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "triangles" in done.stdout
+    to_stdout = ssil_viewer("info", "builtin:cornell", "--json", "-", cwd=tmp_path)
+    to_file = ssil_viewer("info", "builtin:cornell", "--json", "a.json", cwd=tmp_path)
+    assert to_file.returncode == 0, to_file.stderr
+    assert json.loads(to_stdout.stdout) == json.loads((tmp_path / "a.json").read_text())
+
+
+def test_info_needs_no_opengl(tmp_path):
+    environment = {**os.environ, "EGL_PLATFORM": "none", "__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
+    done = ssil_viewer("info", "builtin:cornell", cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
