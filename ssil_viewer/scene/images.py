@@ -64,24 +64,36 @@ def decode_rgba(data: bytes, name: str, warnings: WarningList) -> np.ndarray:
     if not data:
         raise Malformed("it is empty")
     try:
-        picture = PillowImage.open(io.BytesIO(data), formats=_FORMATS)
-        width, height = picture.size
-        if width * height > MAX_PIXELS:
-            raise Malformed(f"{width} x {height} pixels are too many")
-        if max(width, height) > MAX_SIDE:
-            warnings.add(f"textures are scaled down to at most {MAX_SIDE} pixels", name)
-            scale = MAX_SIDE / max(width, height)
-            small = (max(1, round(width * scale)), max(1, round(height * scale)))
-            picture = _to_rgba(picture).resize(small, PillowImage.Resampling.BOX)
-        return np.array(_to_rgba(picture), dtype=np.uint8, order="C")
+        return rgba_pixels(PillowImage.open(io.BytesIO(data), formats=_FORMATS), name, warnings)
     except PillowImage.DecompressionBombError as error:
         raise Malformed("its pixels are too many") from error
-    except MemoryError as error:
-        raise Malformed("there is not enough memory for it") from error
     except PillowImage.UnidentifiedImageError as error:
         raise Malformed("it is not a picture of a known format") from error
     except Malformed:
         raise
+    except Exception as error:  # Pillow's readers raise whatever a broken file provokes
+        raise Malformed(f"it is broken ({error})") from error
+
+
+def rgba_pixels(picture: PillowImage.Image, name: str, warnings: WarningList) -> np.ndarray:
+    """The pixels of an opened picture as `decode_rgba` returns them.
+
+    Raises:
+        Malformed: The picture is broken or larger than `MAX_PIXELS`.
+    """
+    width, height = picture.size
+    if width * height > MAX_PIXELS:
+        raise Malformed(f"{width} x {height} pixels are too many")
+    try:
+        picture = _to_rgba(picture)
+        if max(width, height) > MAX_SIDE:
+            warnings.add(f"textures are scaled down to at most {MAX_SIDE} pixels", name)
+            scale = MAX_SIDE / max(width, height)
+            small = (max(1, round(width * scale)), max(1, round(height * scale)))
+            picture = picture.resize(small, PillowImage.Resampling.BOX)
+        return np.array(picture, dtype=np.uint8, order="C")
+    except MemoryError as error:
+        raise Malformed("there is not enough memory for it") from error
     except Exception as error:  # Pillow's decoders raise whatever a broken file provokes
         raise Malformed(f"it is broken ({error})") from error
 

@@ -10,8 +10,11 @@ import numpy as np
 from ssil_viewer.errors import UserError
 from ssil_viewer.resources import asset_path
 from ssil_viewer.scene.gltf import load_gltf
+from ssil_viewer.scene.gltf_document import GLB_MAGIC
 from ssil_viewer.scene.lights import with_default_light
 from ssil_viewer.scene.model import Scene
+from ssil_viewer.scene.obj import load_obj
+from ssil_viewer.scene.other import OTHER_FORMATS, load_other
 
 BUILTIN_PREFIX = "builtin:"
 
@@ -57,4 +60,24 @@ def _builtin_path(name: str) -> Path:
 
 
 def _load_file(path: Path, name: str) -> Scene:
-    return load_gltf(path, name)
+    """Dispatches by the first bytes where they tell, else by the extension."""
+    try:
+        if not path.exists():
+            raise UserError("the scene does not exist", str(path), "check the path")
+        if not path.is_file():
+            raise UserError("the scene is not a regular file", str(path), "give the scene file itself")
+        with path.open("rb") as file:
+            start = file.read(len(GLB_MAGIC))
+    except OSError as error:
+        raise UserError(f"the scene cannot be read ({error.strerror})", str(path)) from error
+    except ValueError as error:  # a NUL in the name
+        raise UserError("this is not a file name", repr(str(path))) from error
+    extension = path.suffix.lower()
+    if start == GLB_MAGIC or extension in (".gltf", ".glb"):
+        return load_gltf(path, name)
+    if extension == ".obj":
+        return load_obj(path, name)
+    if extension in OTHER_FORMATS:
+        return load_other(path, name)
+    known = " ".join((".gltf", ".glb", ".obj", *OTHER_FORMATS))
+    raise UserError(f"the file type {extension!r} is not known", str(path), f"known are {known}")
