@@ -16,10 +16,10 @@ _CHUNK = 100_000
 # The four ways to write a corner, by slashes a corner and whether they are double: which of v, vt, vn they give, and
 # the pattern of text that holds nothing else (possessive, so that a mismatch is found in linear time).
 _CORNER_FORMS = {
-    (0, False): ((0,), re.compile(r"(?:\s+[0-9]+)*+\s*")),
-    (1, False): ((0, 1), re.compile(r"(?:\s+[0-9]+/[0-9]+)*+\s*")),
-    (2, True): ((0, 2), re.compile(r"(?:\s+[0-9]+//[0-9]+)*+\s*")),
-    (2, False): ((0, 1, 2), re.compile(r"(?:\s+[0-9]+/[0-9]+/[0-9]+)*+\s*")),
+    (0, False): ((0,), re.compile(r"(?:\s+-?[0-9]+)*+\s*")),
+    (1, False): ((0, 1), re.compile(r"(?:\s+-?[0-9]+/-?[0-9]+)*+\s*")),
+    (2, True): ((0, 2), re.compile(r"(?:\s+-?[0-9]+//-?[0-9]+)*+\s*")),
+    (2, False): ((0, 1, 2), re.compile(r"(?:\s+-?[0-9]+/-?[0-9]+/-?[0-9]+)*+\s*")),
 }
 
 _UNSUPPORTED = {
@@ -85,17 +85,20 @@ def logical_lines(data: bytes) -> list[str]:
 
 @dataclass
 class _Faces:
-    """Faces of one way of writing, as text."""
+    """Faces of one way of writing, as text, with the numbers of v, vt and vn that came before each."""
 
     lines: list[str] = field(default_factory=list)
     states: list[int] = field(default_factory=list)
+    counts: list[tuple[int, int, int]] = field(default_factory=list)
 
 
 def read_obj_text(data: bytes, warnings: WarningList) -> ObjText:
     """Parses an OBJ file. Never fails: what cannot be read is left out, with a warning."""
-    tables: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
+    v_lines: list[str] = []
+    vt_lines: list[str] = []
+    vn_lines: list[str] = []
+    tables = {"v": v_lines, "vt": vt_lines, "vn": vn_lines}
     forms: dict[tuple[int, bool], _Faces] = {form: _Faces() for form in _CORNER_FORMS}
-    odd: list[tuple[list[tuple[int, int, int]], int]] = []
     reader = _StateReader()
     for line in logical_lines(data):
         head, _, rest = line.partition(" ")
@@ -107,40 +110,28 @@ def read_obj_text(data: bytes, warnings: WarningList) -> ObjText:
         if head in tables:
             tables[head].append(rest)
         elif head in ("f", "fo"):
-            state = reader.current()
             if "#" in rest:
                 rest = rest.partition("#")[0]
-            form = _corner_form(rest)
-            if form is not None:
-                forms[form].lines.append(rest)
-                forms[form].states.append(state)
-            else:
-                corners = _parse_face(rest, tuple(len(tables[key]) for key in ("v", "vt", "vn")))
-                if corners is None:
-                    warnings.add("faces that cannot be read were dropped", rest.strip())
-                else:
-                    odd.append((corners, state))
+            faces = forms[_corner_form(rest)]
+            faces.lines.append(rest)
+            faces.states.append(reader.current())
+            faces.counts.append((len(v_lines), len(vt_lines), len(vn_lines)))
         elif head in _UNSUPPORTED:
             warnings.add(_UNSUPPORTED[head])
         else:
             reader.read(head.lower(), rest)
 
-    corners, sizes, states = [], [], []
-    for form, faces in forms.items():
-        odd += _convert_faces(form, faces, (corners, sizes, states), warnings)
-    for face, state in odd:
-        corners.append(np.array(face, dtype=np.int64).reshape(-1, 3))
-        sizes.append(np.array([len(face)]))
-        states.append(np.array([state]))
+    blocks = [block for form, faces in forms.items() for block in _convert_faces(form, faces, warnings)]
+    corners, sizes, states = (np.concatenate(part) for part in zip(_NO_FACES, *blocks, strict=True))
     vertices = _numbers(tables["v"], 3, "vertices that cannot be read", warnings)
     return ObjText(
         positions=vertices[:, :3],
         colors=_vertex_colors(vertices),
         texcoords=_numbers(tables["vt"], 2, "texture coordinates that cannot be read", warnings)[:, :2],
         normals=_numbers(tables["vn"], 3, "normals that cannot be read", warnings)[:, :3],
-        corners=np.concatenate(corners) if corners else np.zeros((0, 3), np.int64),
-        sizes=np.concatenate(sizes).astype(np.int64) if sizes else np.zeros(0, np.int64),
-        states=np.concatenate(states).astype(np.int64) if states else np.zeros(0, np.int64),
+        corners=corners,
+        sizes=sizes,
+        states=states,
         state_list=reader.states,
         libraries=reader.libraries,
     )
@@ -184,19 +175,14 @@ class _StateReader:
         return self._current
 
 
-def _corner_form(rest: str) -> tuple[int, bool] | None:
-    """Key of `_CORNER_FORMS` that a face seems to be written in; None for relative indices and mixtures."""
-    if "-" in rest:
-        return None
-    slashes = rest.count("/")
-    if not slashes:
-        return 0, False
-    per_corner, remainder = divmod(slashes, len(rest.split()))
-    form = per_corner, "//" in rest
-    return form if not remainder and form in _CORNER_FORMS else None
+def _corner_form(rest: str) -> tuple[int, bool]:
+    """Key of `_CORNER_FORMS` that a face seems to be written in, by its first corner."""
+    words = rest.split(None, 1)
+    slashes = words[0].count("/") if words else 0
+    return (2, "//" in words[0]) if slashes > 1 else (slashes, False)
 
 
-def _parse_face(rest: str, counts: tuple[int, int, int]) -> list[tuple[int, int, int]] | None:
+def _parse_face(rest: str, counts: tuple[int, int, int]) -> list[tuple[int, ...]] | None:
     """The corners of a face in whatever form, zero-based; None when it cannot be read.
 
     Args:
@@ -206,9 +192,9 @@ def _parse_face(rest: str, counts: tuple[int, int, int]) -> list[tuple[int, int,
     face = []
     for word in rest.split():
         parts = word.split("/")
-        corner = [-1, -1, -1]
         if len(parts) > 3:
             return None
+        corner = [-1, -1, -1]
         for slot, part in enumerate(parts):
             if not part and slot:
                 continue
@@ -216,49 +202,60 @@ def _parse_face(rest: str, counts: tuple[int, int, int]) -> list[tuple[int, int,
                 index = int(part)
             except ValueError:
                 return None
-            # Index 0 does not exist; a value beyond every table is dropped with the vertices that do not exist.
-            corner[slot] = index - 1 if index > 0 else counts[slot] + index if index < 0 else _NOWHERE
-            if corner[slot] < 0:
-                corner[slot] = _NOWHERE
+            absolute = index - 1 if index > 0 else counts[slot] + index
+            corner[slot] = absolute if index and 0 <= absolute < _NOWHERE else _NOWHERE
         face.append(tuple(corner))
     return face if len(face) >= 3 else None
 
 
 _NOWHERE = 1 << 40
+"""An index beyond every table: in place of 0, which does not exist, and of relative ones that reach too far back."""
+
+_NO_FACES = (np.zeros((0, 3), np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 def _convert_faces(
-    form: tuple[int, bool], faces: _Faces, out: tuple[list, list, list], warnings: WarningList
-) -> list[tuple[list[tuple[int, int, int]], int]]:
-    """Converts faces that are all written the same way; returns those that turn out not to be."""
-    slots, pattern = _CORNER_FORMS[form]
-    odd = []
-    corners, sizes, states = out
+    form: tuple[int, bool], faces: _Faces, warnings: WarningList
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Corners (C, 3), sizes (F,) and states (F,) of faces that begin alike, in blocks."""
+    blocks = []
     for start in range(0, len(faces.lines), _CHUNK):
-        lines = faces.lines[start : start + _CHUNK]
-        of_state = faces.states[start : start + _CHUNK]
-        counts = np.array([len(line.split()) for line in lines])
-        joined = " " + "\n".join(lines)
-        if pattern.fullmatch(joined) and counts.min() >= 3:
-            words = joined.replace("/", " ").split()
-            try:
-                indices = np.array(words, dtype=np.int64).reshape(-1, len(slots)) - 1
-            except (OverflowError, ValueError):
-                indices = None
-            if indices is not None:
-                block = np.full((len(indices), 3), -1, dtype=np.int64)
-                block[:, slots] = np.where(indices < 0, _NOWHERE, indices)
-                corners.append(block)
-                sizes.append(counts)
-                states.append(np.array(of_state))
+        part = slice(start, start + _CHUNK)
+        lines, counts = faces.lines[part], faces.counts[part]
+        states = np.array(faces.states[part], dtype=np.int64)
+        block = _convert_uniform(form, lines, counts)
+        if block is None:
+            parsed = [_parse_face(line, count) for line, count in zip(lines, counts, strict=True)]
+            for line, face in zip(lines, parsed, strict=True):
+                if face is None:
+                    warnings.add("faces that cannot be read were dropped", line.strip())
+            readable = [face for face in parsed if face is not None]
+            if not readable:
                 continue
-        for line, state in zip(lines, of_state, strict=True):
-            face = _parse_face(line, (0, 0, 0))
-            if face is None:
-                warnings.add("faces that cannot be read were dropped", line.strip())
-            else:
-                odd.append((face, state))
-    return odd
+            states = states[[face is not None for face in parsed]]
+            block = np.array(list(chain.from_iterable(readable)), dtype=np.int64), np.array(list(map(len, readable)))
+        blocks.append((*block, states))
+    return blocks
+
+
+def _convert_uniform(
+    form: tuple[int, bool], lines: list[str], counts: list[tuple[int, int, int]]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corners and sizes of faces that are all written in one form; None when they are not, or broken."""
+    slots, pattern = _CORNER_FORMS[form]
+    joined = " " + "\n".join(lines)
+    sizes = np.array([len(line.split()) for line in lines])
+    if sizes.min() < 3 or not pattern.fullmatch(joined):
+        return None
+    try:
+        indices = np.array(joined.replace("/", " ").split(), dtype=np.int64).reshape(-1, len(slots))
+    except (OverflowError, ValueError):
+        return None
+    before = np.repeat(np.array(counts), sizes, axis=0)[:, slots]
+    absolute = np.where(indices > 0, indices - 1, before + indices)
+    corners = np.full((len(indices), 3), -1, dtype=np.int64)
+    corners[:, slots] = np.where((indices == 0) | (absolute < 0), _NOWHERE, absolute)
+    return corners, sizes
 
 
 def _numbers(lines: list[str], least: int, what: str, warnings: WarningList) -> np.ndarray:
