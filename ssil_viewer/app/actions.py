@@ -203,7 +203,7 @@ class Actions:
     def frame_scene(self) -> None:
         """Show the whole scene from the present direction."""
         width, height = self._renderer.size
-        self.state.camera.frame(*self.state.scene.bounds(), aspect=width / height)
+        self.state.camera.frame(*self.state.bounds, aspect=width / height)
 
     def reset_camera(self) -> None:
         """Back to the camera that the scene was opened with."""

@@ -179,11 +179,9 @@ class CameraControl:
         forward = offset / length if length > 0.0 else self.forward
         self.distance = length if length > 0.0 else self.distance
         # Looking along the up vector: the old heading, or any, is as good as another.
-        for up in (up, self.screen_up, np.eye(3)[np.argmin(np.abs(forward))]):
-            right = np.cross(forward, up)
-            if np.linalg.norm(right) > 1e-9:
-                break
-        right = _unit(right)
+        candidates = (up, self.screen_up, np.eye(3)[np.argmin(np.abs(forward))])
+        up = next(v for v in candidates if np.linalg.norm(np.cross(forward, v)) > 1e-9)
+        right = _unit(np.cross(forward, up))
         world_up = np.array([0.0, 1.0, 0.0])
         level = abs(right @ world_up) < _ROLL_TOLERANCE and np.cross(right, forward) @ world_up > -_ROLL_TOLERANCE
         self.axis = world_up if level else _unit(up)

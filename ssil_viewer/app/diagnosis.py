@@ -19,7 +19,7 @@ def why_no_indirect(settings: Settings, scene: Scene, lights: Sequence[Light], l
         return "No indirect light: bounces is 0"
     if settings.show == "direct":
         return "No indirect light: only direct light is shown (press B)"
-    if not scene.triangle_count:
+    if not scene.instances:
         return "No indirect light: the scene has no surfaces"
     if not any(_shines(light) for light in lights) and not _emits(scene):
         return "No indirect light: no light shines and no material emits"

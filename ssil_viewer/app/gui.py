@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Callable
+
 from imgui_bundle import imgui
 
 from ssil_viewer.app import keys
 from ssil_viewer.app.actions import Actions
-from ssil_viewer.app.panels import (
-    buffers, camera, help, interface, lights, messages, scene, settings, timings, widgets)
+from ssil_viewer.app.panels import buffers, camera, help, interface, lights, messages, scene, settings, timings, widgets
 from ssil_viewer.app.panels.file_browser import FileBrowser
 from ssil_viewer.app.state import AppState
 from ssil_viewer.pipeline import Renderer
@@ -120,18 +121,20 @@ class Gui:
         imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
         imgui.begin("##panel", None, _FIXED)
         imgui.pop_style_var()
-        if widgets.section("Settings", open_at_first=True):
-            settings.draw(state, actions)
-        if widgets.section("Lights"):
-            lights.draw(state, actions)
-        if widgets.section("Camera"):
-            camera.draw(state, actions)
-        if widgets.section("Scene"):
-            self._scene_panel.draw(state, actions)
-        if widgets.section("Buffers"):
-            buffers.draw(state, actions, self._renderer)
-        if widgets.section("Window"):
-            interface.draw(state, actions, self._renderer.size)
+        parts: dict[str, Callable[[], None]] = {
+            "Settings": lambda: settings.draw(state, actions),
+            "Lights": lambda: lights.draw(state, actions),
+            "Camera": lambda: camera.draw(state, actions),
+            "Scene": lambda: self._scene_panel.draw(state, actions),
+            "Buffers": lambda: buffers.draw(state, actions, self._renderer),
+            "Window": lambda: interface.draw(state, actions, self._renderer.size),
+        }
+        for title, draw in parts.items():
+            if widgets.section(title, open_at_first=title == "Settings"):
+                # Two parts may have a row of the same name.
+                imgui.push_id(title)
+                draw()
+                imgui.pop_id()
         imgui.end()
 
     @staticmethod

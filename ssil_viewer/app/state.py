@@ -8,6 +8,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.scene.model import Camera, Light, Scene
@@ -51,6 +53,7 @@ class AppState:
 
     Attributes:
         settings: What the user wants; the renderer follows at the next frame.
+        bounds: Corners of the scene's box; see Scene.bounds.
         home: Camera that the scene was opened with.
         lights: The lights as edited, without their motion.
         buffer: Name of the buffer shown in place of the image, or None.
@@ -67,6 +70,7 @@ class AppState:
     settings: Settings
     scene: Scene
     home: Camera
+    bounds: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(3), np.zeros(3)))
     camera: CameraControl = field(default_factory=CameraControl)
     lights: tuple[Light, ...] = ()
     motion: LightMotion = field(default_factory=LightMotion)
@@ -94,7 +98,8 @@ class AppState:
         self.scene, self.home = scene, camera
         self.lights = scene.lights
         self.motion = LightMotion()
-        self.camera.set_scene_size(*scene.bounds())
+        self.bounds = scene.bounds()
+        self.camera.set_scene_size(*self.bounds)
         self.camera.viewpoints = dict(enumerate(scene.cameras[:9], start=1))
         self.camera.set_camera(camera)
 

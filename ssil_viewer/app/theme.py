@@ -19,14 +19,18 @@ _COLORS = {
     "border": (0.23, 0.24, 0.26, 1.0),
     "frame_bg": (0.17, 0.18, 0.20, 1.0), "frame_bg_hovered": (0.22, 0.23, 0.26, 1.0),
     "frame_bg_active": (0.25, 0.27, 0.30, 1.0),
-    "header": (0.16, 0.18, 0.21, 1.0), "header_hovered": (0.22, 0.25, 0.29, 1.0), "header_active": (0.25, 0.29, 0.34, 1.0),
-    "button": (0.20, 0.22, 0.25, 1.0), "button_hovered": (0.27, 0.30, 0.34, 1.0), "button_active": (0.32, 0.36, 0.41, 1.0),
+    "header": (0.16, 0.18, 0.21, 1.0), "header_hovered": (0.22, 0.25, 0.29, 1.0),
+    "header_active": (0.25, 0.29, 0.34, 1.0),
+    "button": (0.20, 0.22, 0.25, 1.0), "button_hovered": (0.27, 0.30, 0.34, 1.0),
+    "button_active": (0.32, 0.36, 0.41, 1.0),
     "slider_grab": (0.36, 0.41, 0.48, 1.0), "slider_grab_active": (0.60, 0.44, 0.20, 1.0), "check_mark": (*ACCENT,),
     "title_bg": (0.11, 0.12, 0.135, 1.0), "title_bg_active": (0.14, 0.155, 0.18, 1.0),
     "separator": (0.23, 0.24, 0.26, 1.0), "table_header_bg": (0.14, 0.15, 0.17, 1.0),
     "table_border_light": (0.19, 0.20, 0.22, 1.0), "table_border_strong": (0.23, 0.24, 0.26, 1.0),
     "table_row_bg_alt": (1.0, 1.0, 1.0, 0.025), "text_selected_bg": (0.95, 0.66, 0.25, 0.35),
-    "nav_cursor": (*ACCENT,),
+    "nav_cursor": (*ACCENT,), "modal_window_dim_bg": (0.0, 0.0, 0.0, 0.45),
+    "resize_grip": (0.23, 0.24, 0.26, 1.0), "resize_grip_hovered": (*MUTED,),
+    "resize_grip_active": (*ACCENT,),
 }
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import glfw
-import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
@@ -18,7 +17,8 @@ from ssil_viewer.app.glfw_window import GlfwWindow, open_window
 from ssil_viewer.app.gui import Gui
 from ssil_viewer.app.imgui_input import ImguiInput
 from ssil_viewer.app.imgui_renderer import ImguiRenderer
-from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord, actions as key_actions
+from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord
+from ssil_viewer.app.keys import actions as key_actions
 from ssil_viewer.app.pacing import Pacer
 from ssil_viewer.app.scene_loading import SceneLoader
 from ssil_viewer.app.state import AppState, PixelReading
@@ -220,15 +220,24 @@ class Viewer:
     def _after_frame(self, view: Any) -> None:
         if self._save_window:
             self._save_window = False
-            width, height = self._window.buffer_size
-            pixels = np.frombuffer(self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1),
-                                   np.uint8)
-            self.actions.save_pixels(pixels.reshape(height, width, 3)[::-1])
+            self.actions.save_pixels(self._window_pixels())
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now
             self.state.pixel = self._read_pixel()
         self._look_for_light(now, view)
+
+    def _window_pixels(self) -> np.ndarray:
+        """(H, W, 3) uint8, row 0 = top: what the window shows, drawn once more where it can be read."""
+        width, height = self._window.buffer_size
+        target = self._ctx.simple_framebuffer((width, height), 4)
+        self._renderer.present(target)
+        self._gui_renderer.render(imgui.get_draw_data(), target)
+        pixels = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(height, width, 3)[::-1]
+        self._screen.use()
+        target.color_attachments[0].release()
+        target.release()
+        return pixels
 
     def _look_for_light(self, now: float, view: Any) -> None:
         """Once after every change, when the view has settled: is anything in view lit?"""

@@ -60,7 +60,7 @@ def draw(ctx, renderer, content, scale=1.0):
 
 def test_draw_lists_of_more_than_65536_vertices_keep_their_last_rectangle(ctx, gui):
     def many(commands):
-        for index in range(20_000):
+        for _ in range(20_000):
             commands.add_rect_filled((10, 10), (12, 12), 0xFF0000FF)
         commands.add_rect_filled((150, 50), (160, 60), 0xFF00FF00)
 

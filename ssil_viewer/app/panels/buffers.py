@@ -58,5 +58,5 @@ def _memory(renderer: Renderer) -> None:
             imgui.table_next_column()
             imgui.text_disabled(name)
             imgui.table_next_column()
-            imgui.text(f"{size / 2**20:.2f} MiB")
+            widgets.right_aligned(f"{size / 2**20:.2f} MiB")
         imgui.end_table()

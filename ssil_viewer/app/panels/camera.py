@@ -71,12 +71,13 @@ def _viewpoints(state: AppState, actions: Actions) -> None:
     widgets.label("Viewpoints", "Click or press the digit to go there; Ctrl saves the present view.")
     control = state.camera
     side = imgui.get_frame_height()
+    left = imgui.get_cursor_pos_x()
     for digit in range(1, 10):
         if digit > 1:
             imgui.same_line(0.0, 2.0)
             if imgui.get_content_region_avail().x < side:
                 imgui.new_line()
-                widgets.label("")
+                imgui.set_cursor_pos_x(left)
         empty = digit not in control.viewpoints
         if empty:
             imgui.push_style_color(imgui.Col_.text, imgui.get_style().color_(imgui.Col_.text_disabled))

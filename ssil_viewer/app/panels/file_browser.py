@@ -102,7 +102,7 @@ class FileBrowser:
                 chosen = self._folder / entry.name
             imgui.table_next_column()
             if not entry.is_folder:
-                imgui.text_disabled(f"{entry.size / 1024:,.0f} KiB")
+                widgets.right_aligned(f"{entry.size / 1024:,.0f} KiB")
         imgui.end_table()
         if chosen and chosen.is_dir():
             self._enter(chosen)

@@ -13,6 +13,7 @@ from ssil_viewer.app.state import AppState
 
 _BAR = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
         | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing)
+_MESSAGE = _BAR | imgui.WindowFlags_.no_inputs | imgui.WindowFlags_.always_auto_resize
 _SPINNER_DOTS = 4
 
 
@@ -29,7 +30,7 @@ def draw_toasts(state: AppState, bottom: float) -> None:
         width = min(30.0 * em, 0.9 * display.x)
         imgui.set_next_window_pos((display.x - 0.6 * em, y), imgui.Cond_.always, (1.0, 1.0))
         imgui.set_next_window_size((width, 0.0))
-        imgui.begin(f"##toast{index}", None, _BAR | imgui.WindowFlags_.no_inputs | imgui.WindowFlags_.always_auto_resize)
+        imgui.begin(f"##toast{index}", None, _MESSAGE)
         if toast.kind == "error":
             widgets.complaint(toast.text)
         else:
@@ -43,7 +44,7 @@ def draw_loading(source: str, top: float) -> None:
     display = imgui.get_io().display_size
     dots = "." * (1 + int(time.monotonic() * 3) % _SPINNER_DOTS)
     imgui.set_next_window_pos((display.x / 2, top), imgui.Cond_.always, (0.5, 0.0))
-    imgui.begin("##loading", None, _BAR | imgui.WindowFlags_.no_inputs | imgui.WindowFlags_.always_auto_resize)
+    imgui.begin("##loading", None, _MESSAGE)
     imgui.text(f"Loading {source} {dots:<{_SPINNER_DOTS}}")
     imgui.end()
 
@@ -92,8 +93,8 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
     rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 and math.isfinite(seconds) else "n/a"
     text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
     imgui.same_line()
-    room = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
-    if room > 0.0:
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + room)
-        imgui.text_disabled(text)
+    if imgui.calc_text_size(text).x < imgui.get_content_region_avail().x:
+        imgui.push_style_color(imgui.Col_.text, theme.MUTED)
+        widgets.right_aligned(text)
+        imgui.pop_style_color()
     imgui.end()

@@ -8,13 +8,18 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
 from ssil_viewer.scene import BUILTIN_SCENES
+from ssil_viewer.scene.describe import describe, format_description
+from ssil_viewer.scene.model import Scene
 
 
 class ScenePanel:
-    """Remembers what was typed into the path field."""
+    """Remembers what was typed into the path field, and the long description of the present scene."""
 
     def __init__(self) -> None:
         self._path = ""
+        self._described: Scene | None = None
+        self._facts: dict[str, str] = {}
+        self._description = ""
 
     def draw(self, state: AppState, actions: Actions) -> None:
         """Source, facts and warnings."""
@@ -32,12 +37,32 @@ class ScenePanel:
             actions.browse_scene()
         if entered and self._path.strip():
             actions.open_scene(self._path.strip().strip('"'))
-        _facts(state)
+        if self._described is not state.scene:
+            self._describe(state.scene)
+        _table(self._facts)
+        if imgui.tree_node("Details"):
+            imgui.text_wrapped(self._description)
+            imgui.tree_pop()
         warnings = state.scene.warnings
         if warnings and imgui.tree_node(f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}###warnings"):
             for warning in warnings:
                 widgets.muted(warning)
             imgui.tree_pop()
+
+    def _describe(self, scene: Scene) -> None:
+        data = describe(scene)
+        self._described = scene
+        self._description = format_description(data)
+        extent = [high - low for low, high in zip(data["bounds"]["min"], data["bounds"]["max"])]
+        self._facts = {
+            "Name": scene.name,
+            "Triangles": f"{data['triangles']:,}",
+            "Meshes": f"{data['meshes']:,}, {data['instances']:,} instances",
+            "Materials": f"{len(data['materials']):,}, {len(data['textures']):,} textures",
+            "Lights": f"{len(data['lights'])}",
+            "Cameras": f"{len(data['cameras'])}",
+            "Size": " x ".join(f"{length:.3g}" for length in extent) + " m",
+        }
 
 
 def draw_builtin_entries(actions: Actions) -> None:
@@ -48,18 +73,7 @@ def draw_builtin_entries(actions: Actions) -> None:
         widgets.hint(text)
 
 
-def _facts(state: AppState) -> None:
-    scene = state.scene
-    low, high = scene.bounds()
-    rows = {
-        "Name": scene.name,
-        "Triangles": f"{scene.triangle_count:,}",
-        "Meshes": f"{len(scene.meshes):,}, {len(scene.instances):,} instances",
-        "Materials": f"{len(scene.materials):,}, {len(scene.images):,} textures",
-        "Lights": f"{len(scene.lights)}",
-        "Cameras": f"{len(scene.cameras)}",
-        "Size": " x ".join(f"{length:.3g}" for length in high - low) + " m",
-    }
+def _table(rows: dict[str, str]) -> None:
     if not imgui.begin_table("facts", 2, imgui.TableFlags_.row_bg):
         return
     imgui.table_setup_column("name", imgui.TableColumnFlags_.width_fixed)

@@ -44,11 +44,5 @@ def _row(name: str, time: PassTime, total: float) -> None:
     imgui.text(name)
     for cell in cells:
         imgui.table_next_column()
-        _right_aligned(cell)
+        widgets.right_aligned(cell)
 
-
-def _right_aligned(text: str) -> None:
-    room = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
-    if room > 0.0:
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + room)
-    imgui.text(text)

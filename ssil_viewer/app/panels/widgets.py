@@ -24,16 +24,19 @@ def label(text: str, tooltip: str = "", marked: bool = False) -> bool:
     Returns:
         Whether the label was clicked with the right button.
     """
-    width = imgui.get_content_region_avail().x
+    width = max(_LABEL_SHARE * imgui.get_content_region_avail().x, 1.0)
     left = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    if marked:
-        imgui.text_colored(theme.ACCENT, text)
-    else:
-        imgui.text(text)
+    # A button, so that the whole row is sensitive and not just the letters.
+    imgui.invisible_button(f"##label of {text}", (width, imgui.get_frame_height()))
+    corner, far = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     clicked = imgui.is_item_clicked(imgui.MouseButton_.right)
     hint(tooltip)
-    imgui.same_line(left + _LABEL_SHARE * width)
+    commands = imgui.get_window_draw_list()
+    color = theme.ACCENT if marked else imgui.get_style().color_(imgui.Col_.text)
+    imgui.push_clip_rect(corner, far, True)
+    commands.add_text((corner.x, corner.y + imgui.get_style().frame_padding.y), imgui.get_color_u32(color), text)
+    imgui.pop_clip_rect()
+    imgui.same_line(left + width)
     imgui.set_next_item_width(-1)
     return clicked
 
@@ -75,6 +78,14 @@ def choice(name: str, current: str, choices: tuple[str, ...] | list[str]) -> str
                 imgui.set_item_default_focus()
         imgui.end_combo()
     return result
+
+
+def right_aligned(text: str) -> None:
+    """Text at the right end of the column."""
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
+    if room > 0.0:
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + room)
+    imgui.text(text)
 
 
 def vector(name: str, value: tuple[float, ...], speed: float) -> tuple[bool, tuple[float, ...]]:

@@ -1,0 +1,232 @@
+"""The parts of the window that need neither a display nor OpenGL."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssil_viewer.app import keys, saved_view
+from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.diagnosis import why_no_indirect
+from ssil_viewer.app.light_motion import LightMotion
+from ssil_viewer.app.pacing import Pacer
+from ssil_viewer.app.panels import settings as settings_panel
+from ssil_viewer.app.panels.file_browser import list_folder
+from ssil_viewer.app.scene_loading import SceneLoader
+from ssil_viewer.app.state import AppState
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
+from ssil_viewer.settings import Settings, knobs, load_settings
+
+KNOBS = {info.name: info for info in knobs()}
+LIGHTS = (Light("point", position=(1.0, 2.0, 3.0)), Light("directional", direction=(0.6, -0.8, 0.0)))
+SCENE = Scene("some.glb", meshes=(Mesh("m", ()),), instances=(Instance("i", 0, np.eye(4)),), materials=(Material(),),
+              lights=LIGHTS,
+              cameras=tuple(Camera(str(n), eye=(0, 0, 1 + n)) for n in range(12)))
+
+
+# Keys
+
+def test_every_binding_has_an_action_that_exists():
+    for chord, (action, _) in keys.actions().items():
+        assert callable(getattr(Actions, action)), chord
+
+
+def test_no_key_has_two_meanings():
+    chords = [chord for binding in keys.BINDINGS for chord in binding.chords]
+    assert len(chords) == len(set(chords))
+
+
+def test_the_documentation_has_the_table_of_keys():
+    page = Path(__file__).parents[2] / "docs" / "window.md"
+    assert keys.markdown().strip() in page.read_text(encoding="utf-8")
+
+
+# Settings
+
+def test_an_edit_gives_new_settings_and_a_bad_one_the_old_and_a_reason():
+    before = Settings()
+    after, problem = settings_panel.edited(before, KNOBS["samples"], 128)
+    assert (after.samples, before.samples, problem) == (128, 64, "")
+    same, problem = settings_panel.edited(before, KNOBS["samples"], 5000)
+    assert same is before and "--samples" in problem and "1024" in problem
+
+
+@pytest.mark.parametrize("name", KNOBS)
+def test_tooltips_say_what_a_setting_does_its_range_and_its_flag(name):
+    info = KNOBS[name]
+    text = settings_panel.tooltip(info)
+    assert info.knob.help in text and info.flag in text
+    if info.knob.high is not None:
+        assert f"{info.knob.high:g}" in text
+
+
+def test_saved_settings_load_as_the_same(tmp_path):
+    settings = Settings(samples=16, radius=12.5, temporal=False, tone_map="linear", exposure=-1.5)
+    saved_view.save_settings(tmp_path / "mine.toml", settings)
+    assert load_settings(tmp_path / "mine.toml") == settings
+    assert "levels" not in (tmp_path / "mine.toml").read_text()
+    saved_view.save_settings(tmp_path / "default.toml", Settings())
+    assert load_settings(tmp_path / "default.toml") == Settings()
+
+
+# Saved pictures
+
+def test_a_saved_picture_gives_settings_camera_and_scene_back(tmp_path):
+    view = saved_view.SavedView("builtin:arch", Settings(samples=7), Camera("c", (1, 2, 3), (4, 5, 6), near=0.5))
+    first = saved_view.save_picture(tmp_path, np.zeros((4, 6, 3), np.uint8), view, {"renderer": "test"})
+    second = saved_view.save_picture(tmp_path, np.zeros((4, 6, 3), np.uint8), view, {})
+    assert first != second and saved_view.load_picture(first) == view
+    assert sorted(tmp_path.iterdir()) == sorted([first, second])
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 20])
+def test_other_files_are_refused_as_pictures(tmp_path, content):
+    path = tmp_path / "x.png"
+    path.write_bytes(content)
+    with pytest.raises(UserError):
+        saved_view.load_picture(path)
+
+
+# Lights
+
+@pytest.mark.parametrize("path", ["circle", "swing"])
+def test_a_light_moves_about_its_place_and_comes_round(path):
+    motion = LightMotion(light=0, path=path, period=4.0, reach=2.0)
+    places = []
+    for _ in range(8):
+        motion = motion.advanced(0.5)
+        places.append(motion.applied(LIGHTS)[0].position)
+    assert np.mean(places, axis=0) == pytest.approx(LIGHTS[0].position)
+    assert np.ptp(places, axis=0)[0] == pytest.approx(4.0)
+    assert motion.applied(LIGHTS)[1] is LIGHTS[1]
+
+
+@pytest.mark.parametrize("path", ["circle", "swing"])
+def test_a_moving_sun_keeps_a_unit_direction(path):
+    motion = LightMotion(light=1, path=path).advanced(1.3)
+    direction = motion.applied(LIGHTS)[1].direction
+    assert math.hypot(*direction) == pytest.approx(1.0) and direction != LIGHTS[1].direction
+
+
+def test_a_paused_light_stays_and_a_missing_one_is_ignored():
+    paused = LightMotion(light=0, phase=1.0, paused=True)
+    assert paused.advanced(2.0) == paused and paused.applied(LIGHTS) != LIGHTS
+    assert LightMotion(light=5).applied(LIGHTS) == LIGHTS
+    assert LightMotion().applied(LIGHTS) == LIGHTS
+
+
+# Why is there no indirect light?
+
+@pytest.mark.parametrize("settings, scene, lit, word", [
+    (Settings(bounces=0), SCENE, None, "bounces"),
+    (Settings(show="direct"), SCENE, None, "direct"),
+    (Settings(), dataclasses.replace(SCENE, instances=()), None, "surfaces"),
+    (Settings(), dataclasses.replace(SCENE, lights=()), None, "no light"),
+    (Settings(), SCENE, False, "in view"),
+    (Settings(), SCENE, True, ""),
+    (Settings(), SCENE, None, ""),
+    (Settings(), dataclasses.replace(SCENE, lights=(), materials=(Material(emission=(1, 0, 0)),)), True, ""),
+])
+def test_the_reason_for_missing_light_is_named(settings, scene, lit, word):
+    reason = why_no_indirect(settings, scene, scene.lights, lit)
+    assert word in reason and bool(word) == bool(reason)
+
+
+# Pacing
+
+def test_rendering_stops_when_the_temporal_filter_has_settled():
+    pacer = Pacer(continuous=False)
+    settings = Settings(temporal_frames=8)
+    assert [pacer.should_render(n, "view", settings, 0.01) for n in range(12)] == [True] * 8 + [False] * 4
+    assert pacer.should_render(12, "other view", settings, 0.01)
+
+
+def test_without_temporal_filter_one_frame_is_enough():
+    pacer = Pacer(continuous=False)
+    assert [pacer.should_render(n, "view", Settings(temporal=False), 0.01) for n in range(3)] == [True, False, False]
+
+
+def test_a_hand_on_the_panels_comes_before_slow_frames():
+    pacer = Pacer(continuous=False)
+    assert pacer.should_render(0.0, "view", Settings(), 1.0)
+    pacer.event(1.0)
+    assert not pacer.should_render(1.1, "view", Settings(), 1.0)
+    assert pacer.should_render(1.1, "view", Settings(), 0.01)     # quick frames disturb nobody
+    assert pacer.should_render(1.2, "changed", Settings(), 1.0)   # a change is what the hand wants to see
+    assert pacer.should_render(1.9, "changed", Settings(), 1.0)
+
+
+def test_continuous_rendering_never_stops():
+    pacer = Pacer(continuous=True)
+    assert all(pacer.should_render(n, "view", Settings(temporal=False), 1.0) for n in range(5))
+
+
+# Loading
+
+def wait_for(loader):
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        outcome = loader.poll()
+        if outcome is not None:
+            return outcome
+        time.sleep(0.005)
+    raise AssertionError("the loader never answered")
+
+
+def test_only_the_last_request_counts():
+    def load(source):
+        time.sleep(0.2 if source == "slow" else 0.0)
+        return dataclasses.replace(SCENE, name=source)
+
+    loader = SceneLoader(load, lambda scene: scene.cameras[0])
+    loader.start("slow")
+    loader.start("quick")
+    assert loader.loading == "quick"
+    outcome = wait_for(loader)
+    assert outcome.scene.name == "quick" and outcome.camera is SCENE.cameras[0] and loader.loading is None
+    time.sleep(0.3)
+    assert loader.poll() is None
+
+
+@pytest.mark.parametrize("error", [UserError("file is broken", "x.glb"), ValueError("a fault")])
+def test_failures_come_back_as_messages(error):
+    def load(source):
+        raise error
+
+    loader = SceneLoader(load, lambda scene: Camera())
+    loader.start("x.glb")
+    outcome = wait_for(loader)
+    assert outcome.scene is None and str(error) in outcome.error and "x.glb" in outcome.error
+
+
+# State and files
+
+def test_cameras_of_the_file_are_the_first_viewpoints():
+    state = AppState(Settings(), SCENE, SCENE.cameras[0])
+    state.open_scene(SCENE, SCENE.cameras[0])
+    assert sorted(state.camera.viewpoints) == list(range(1, 10))
+    assert state.camera.viewpoints[3] is SCENE.cameras[2]
+    assert state.lights == LIGHTS
+
+
+def test_messages_do_not_pile_up():
+    state = AppState(Settings(), SCENE, Camera())
+    for n in range(20):
+        state.say(f"message {n}")
+        state.say("again")
+    assert len(state.toasts) <= 5 and sum(toast.text == "again" for toast in state.toasts) == 1
+
+
+def test_folders_come_first_and_hidden_or_unknown_files_not_at_all(tmp_path):
+    for name in ("b.glb", "A.OBJ", "notes.txt", ".hidden.glb"):
+        (tmp_path / name).write_bytes(b"12")
+    (tmp_path / "zoo").mkdir()
+    (tmp_path / "gone.glb").symlink_to(tmp_path / "nowhere")
+    assert [entry.name for entry in list_folder(tmp_path, (".glb", ".obj"))] == ["zoo", "A.OBJ", "b.glb"]
+    assert "notes.txt" in [entry.name for entry in list_folder(tmp_path, None)]

@@ -1,0 +1,422 @@
+"""The real window under Xvfb, driven by real X events through xdotool."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+from PIL import Image
+
+from ssil_viewer.app import glfw_window, saved_view, theme
+from ssil_viewer.app.glfw_window import open_window
+from ssil_viewer.app.panels import settings as settings_panel
+from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.window import Viewer, run_window
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene import default_camera, load_scene
+from ssil_viewer.scene.model import Light
+from ssil_viewer.settings import Settings
+
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    not (shutil.which("Xvfb") and shutil.which("xdotool")),
+    reason="Xvfb and xdotool are needed to drive the real window: apt install xvfb xdotool")]
+
+SIZE = 640, 360
+SETTINGS = Settings(samples=4, levels=2, shadow_resolution=128)
+IMAGE_POINT = 480, 250   # window units; right of the panel
+
+
+@pytest.fixture(scope="module")
+def egl_aside():
+    """Lay aside the EGL context that other tests may have left current: GLX refuses to work beside it."""
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        yield
+        return
+    for name in ("eglGetCurrentDisplay", "eglGetCurrentContext"):
+        getattr(egl, name).restype = ctypes.c_void_p
+    egl.eglMakeCurrent.argtypes = [ctypes.c_void_p] * 4
+    display, context = egl.eglGetCurrentDisplay(), egl.eglGetCurrentContext()
+    if context:
+        egl.eglMakeCurrent(display, None, None, None)
+    yield
+    if context:
+        egl.eglMakeCurrent(display, None, None, context)
+
+
+@pytest.fixture(scope="module")
+def display(egl_aside):
+    """A virtual screen of its own for this module."""
+    reader, writer = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "1024x768x24", "-nolisten", "tcp"],
+                              pass_fds=[writer], stderr=subprocess.DEVNULL)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        number = pipe.readline().strip()
+    before = os.environ.get("DISPLAY")
+    os.environ["DISPLAY"] = f":{number}"
+    yield os.environ["DISPLAY"]
+    if before is None:
+        del os.environ["DISPLAY"]
+    else:
+        os.environ["DISPLAY"] = before
+    server.terminate()
+    server.wait(10)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("builtin:cornell")
+
+
+@pytest.fixture
+def viewer(display, scene, tmp_path, monkeypatch):
+    """An open window that has drawn its first frames; the working directory is empty."""
+    monkeypatch.chdir(tmp_path)
+    window = open_window("test", SIZE, vsync=False)
+    viewer = Viewer(window, scene, SETTINGS, default_camera(scene), vsync=False)
+    viewer.state.continuous = True
+    viewer.state.timings_visible = False   # leaves room for the mouse
+    viewer.state.render_scale = 0.5        # software OpenGL on few cores
+    viewer.window = window
+    turn(viewer, 3)
+    yield viewer
+    error = window.ctx.error
+    viewer.release()
+    window.destroy()
+    assert error == "GL_NO_ERROR"
+
+
+def turn(viewer, count=4):
+    for _ in range(count):
+        viewer.step()
+
+
+def until(viewer, condition, seconds=15.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never happened"
+        viewer.step()
+
+
+def xdotool(viewer, *words):
+    """Send one event, then let the window take it."""
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+    time.sleep(0.03)   # the server passes it on by itself
+    turn(viewer, 3)
+
+
+def click(viewer, place, button=1):
+    xdotool(viewer, "mousemove", *place)
+    xdotool(viewer, "mousedown", button)
+    xdotool(viewer, "mouseup", button)
+
+
+def drag(viewer, start, end, button=1):
+    xdotool(viewer, "mousemove", *start)
+    xdotool(viewer, "mousedown", button)
+    xdotool(viewer, "mousemove", *[round((a + b) / 2) for a, b in zip(start, end)])
+    xdotool(viewer, "mousemove", *end)
+    xdotool(viewer, "mouseup", button)
+
+
+@pytest.fixture
+def places(monkeypatch):
+    """Where the widgets of the settings are: name -> (left, top, right, bottom) in window units."""
+    found = {}
+    original = settings_panel._widget
+
+    def noted(info, value):
+        result = original(info, value)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        found[info.name] = (low.x, low.y, high.x, high.y)
+        return result
+
+    monkeypatch.setattr(settings_panel, "_widget", noted)
+    return found
+
+
+def picture(viewer):
+    renderer = viewer._renderer
+    return np.frombuffer(renderer.display.read(), np.uint8).reshape(*renderer.size[::-1], 4)[::-1, :, :3].astype(int)
+
+
+def test_a_slider_changes_the_settings_and_a_right_click_resets_them(places, viewer):
+    turn(viewer)
+    left, top, right, bottom = places["samples"]
+    y = (top + bottom) / 2
+    drag(viewer, (left + 5, y), (right - 2, y))
+    assert viewer.state.settings.samples > 500
+    assert viewer._renderer.settings == viewer.state.settings
+    click(viewer, ((left + right) / 2, y), button=3)
+    assert viewer.state.settings.samples == Settings().samples
+
+
+def test_a_typed_value_out_of_range_is_refused_with_a_message(places, viewer):
+    turn(viewer)
+    left, top, right, bottom = places["samples"]
+    subprocess.run(["xdotool", "keydown", "ctrl"], check=True)
+    click(viewer, ((left + right) / 2, (top + bottom) / 2))
+    subprocess.run(["xdotool", "keyup", "ctrl"], check=True)
+    xdotool(viewer, "key", "ctrl+a")
+    for key in ("5", "0", "0", "0", "Return"):
+        xdotool(viewer, "key", key)
+    assert viewer.state.settings.samples == SETTINGS.samples
+    assert any("--samples" in toast.text and toast.kind == "error" for toast in viewer.state.toasts)
+
+
+def test_keys_choose_the_light_that_is_shown(viewer):
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    both = picture(viewer)
+    for key, mode in (("d", "direct"), ("i", "indirect")):
+        xdotool(viewer, "key", key)
+        assert viewer.state.settings.show == viewer._renderer.settings.show == mode
+        assert np.abs(picture(viewer) - both).mean() > 2.0
+    xdotool(viewer, "key", "b")
+    assert viewer.state.settings.show == "both"
+
+
+def test_the_mouse_turns_and_zooms_the_camera_but_not_through_the_panel(viewer):
+    camera = viewer.state.camera
+    target, eye = camera.target.copy(), camera.eye.copy()
+    drag(viewer, (60, 300), (160, 320))
+    assert camera.eye == pytest.approx(eye)
+    drag(viewer, IMAGE_POINT, (IMAGE_POINT[0] + 60, IMAGE_POINT[1] + 20))
+    assert camera.target == pytest.approx(target, abs=1e-6)
+    assert np.linalg.norm(camera.eye - eye) > 0.1
+    distance = camera.distance
+    xdotool(viewer, "click", 4)
+    assert camera.distance < distance
+    drag(viewer, IMAGE_POINT, (IMAGE_POINT[0] + 60, IMAGE_POINT[1]), button=2)
+    assert np.linalg.norm(camera.target - target) > 0.1
+
+
+def test_flying_moves_with_held_keys_and_digits_bring_the_view_back(viewer):
+    camera = viewer.state.camera
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "ctrl+5")
+    eye = camera.eye.copy()
+    xdotool(viewer, "key", "c")
+    xdotool(viewer, "keydown", "w")
+    xdotool(viewer, "keyup", "w")
+    moved = camera.eye - eye
+    assert np.linalg.norm(moved) > 0.0 and moved / np.linalg.norm(moved) @ camera.forward == pytest.approx(1.0)
+    stopped = camera.eye.copy()
+    turn(viewer)
+    assert camera.eye == pytest.approx(stopped)
+    xdotool(viewer, "key", "d")
+    assert viewer.state.settings.show == "both"
+    xdotool(viewer, "key", "5")
+    assert camera.eye == pytest.approx(eye)
+
+
+def test_a_double_click_looks_at_the_surface_under_the_cursor(viewer):
+    camera = viewer.state.camera
+    eye = camera.eye.copy()
+    for _ in range(2):
+        viewer._on_press(*IMAGE_POINT, viewer.window.mouse.left)
+        viewer._on_release(*IMAGE_POINT, viewer.window.mouse.left)
+    turn(viewer)
+    assert camera.eye == pytest.approx(eye)
+    depth = viewer._renderer.read("view_depth")
+    assert depth[SIZE[1] // 4, SIZE[0] // 4] == pytest.approx(camera.distance, rel=0.02)
+
+
+def test_pictures_are_saved_with_and_without_panels(viewer, tmp_path):
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "F12")
+    path, = tmp_path.glob("*.png")
+    image = np.asarray(Image.open(path))
+    assert image.shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
+    assert np.abs(image.astype(int) - picture(viewer)).mean() < 2.0   # the temporal filter has gone on since
+    stored = saved_view.load_picture(path)
+    assert stored.settings == viewer.state.settings and stored.scene == "builtin:cornell"
+    assert stored.camera.eye == pytest.approx(viewer.state.camera.eye)
+    xdotool(viewer, "key", "shift+F12")
+    other, = set(tmp_path.glob("*.png")) - {path}
+    window = np.asarray(Image.open(other)).astype(int)
+    assert window.shape == (SIZE[1], SIZE[0], 3)
+    panel = [round(255 * channel) for channel in theme._COLORS["menu_bar_bg"][:3]]
+    assert np.abs(window[4, 500] - panel).max() < 16
+    seen, saved = window[IMAGE_POINT[1], IMAGE_POINT[0]], image[IMAGE_POINT[1] // 2, IMAGE_POINT[0] // 2]
+    assert np.abs(seen - saved).max() < 16
+
+
+def test_a_dropped_picture_brings_settings_and_camera_back(viewer, tmp_path):
+    viewer.actions.save_image()
+    saved = saved_view.load_picture(next(tmp_path.glob("*.png")))
+    viewer.actions.show("indirect")
+    viewer.state.camera.rotate(0.3, 0.1)
+    viewer.window.dropped(list(tmp_path.glob("*.png")))
+    turn(viewer)
+    assert viewer._renderer.settings == saved.settings
+    assert viewer.state.camera.eye == pytest.approx(saved.camera.eye)
+
+
+def test_resizing_follows_the_framebuffer(viewer, tmp_path):
+    viewer.state.render_scale = 1.0
+    for size in ((500, 300), (701, 411)):
+        viewer.window.size = size
+        until(viewer, lambda size=size: viewer.window.buffer_size == size)
+        turn(viewer)
+        assert viewer._renderer.size == size
+        viewer.actions.save_window()
+        turn(viewer, 1)
+        newest = max(tmp_path.glob("*.png"), key=lambda path: (path.stat().st_mtime_ns, path.name))
+        image = np.asarray(Image.open(newest)).astype(int)
+        assert image.shape[:2] == size[::-1]
+        assert image[size[1] - 3, size[0] // 2].max() < 60      # the status line is at the new bottom
+        x, y = size[0] - 60, 100                                # above the message about the last picture
+        assert np.abs(image[y, x] - picture(viewer)[y, x]).max() < 16
+    viewer.state.render_scale = 0.5
+    turn(viewer)
+    assert viewer._renderer.size == (350, 206)
+
+
+def test_nothing_is_drawn_while_minimised(viewer, monkeypatch):
+    monkeypatch.setattr(type(viewer.window), "minimised", True)
+    frames = viewer.frames
+    turn(viewer)
+    assert viewer.frames == frames
+    monkeypatch.undo()
+    turn(viewer, 1)
+    assert viewer.frames == frames + 1
+
+
+def test_an_idle_window_stops_rendering_and_makes_no_new_objects(viewer):
+    viewer.state.continuous = False
+    viewer.state.settings = SETTINGS.replaced({"temporal_frames": 4})
+    turn(viewer, 40)   # until the filter has settled and the picture was looked at once
+    context, frames = viewer.window.ctx, viewer.frames
+    time.sleep(0.8)
+    turn(viewer, 4)
+
+    def names():
+        made = context.texture((1, 1), 4), context.buffer(reserve=4)
+        numbers = [item.glo for item in made]
+        for item in made:
+            item.release()
+        return numbers
+
+    before = names()
+    turn(viewer, 20)
+    assert all(after <= number + 1 for after, number in zip(names(), before))
+    assert viewer.frames <= frames + 1
+    xdotool(viewer, "key", "i")
+    assert viewer.frames > frames + 1
+
+
+def test_a_scene_is_loaded_beside_the_window_and_a_broken_one_leaves_the_old(viewer, scene, tmp_path):
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(b"glTF but not really")
+    viewer.window.dropped([broken])
+    assert viewer.state.loading
+    until(viewer, lambda: not viewer.state.loading)
+    assert any(toast.kind == "error" and "broken.glb" in toast.text for toast in viewer.state.toasts)
+    assert viewer.state.scene is scene and viewer._renderer.scene is scene
+    viewer.actions.open_scene("builtin:arch")
+    until(viewer, lambda: not viewer.state.loading)
+    turn(viewer)
+    assert viewer.state.scene.name == viewer._renderer.scene.name == "builtin:arch"
+
+
+def test_lights_reach_the_renderer_and_moving_ones_keep_moving(viewer):
+    viewer.state.lights += (Light("point", "mine", intensity=2.0),)
+    turn(viewer, 1)
+    assert viewer._renderer.lights[-1].name == "mine"
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "p")
+    first = viewer._renderer.lights[0]
+    turn(viewer)
+    assert viewer._renderer.lights[0] != first
+    xdotool(viewer, "key", "p")
+    first = viewer._renderer.lights[0]
+    turn(viewer)
+    assert viewer._renderer.lights[0] == first
+
+
+def test_settings_that_the_renderer_refuses_are_taken_back(viewer, monkeypatch):
+    def refuse(settings):
+        raise UserError("too much for this GPU", "--levels")
+
+    monkeypatch.setattr(viewer._renderer, "set_settings", refuse)
+    viewer.state.settings = SETTINGS.replaced({"levels": 3})
+    turn(viewer)
+    assert viewer.state.settings == SETTINGS
+    assert any("too much" in toast.text for toast in viewer.state.toasts)
+
+
+def test_a_shader_error_is_shown_and_the_picture_stays(viewer, monkeypatch):
+    monkeypatch.setattr(viewer._renderer, "reload_shaders", lambda: "passes/gather.glsl:12: 100 % wrong")
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "F5")
+    assert "gather.glsl:12" in viewer.state.shader_error
+    assert picture(viewer).mean() > 5.0
+    monkeypatch.undo()
+    xdotool(viewer, "key", "F5")
+    assert viewer.state.shader_error == ""
+
+
+def test_buffers_step_through_all_levels_and_the_inspector_reads_them(viewer):
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "x")
+    for name, info in viewer._renderer.buffers().items():
+        for level in info.levels:
+            viewer.state.buffer, viewer.state.level = name, level
+            turn(viewer, 1)
+    viewer.state.buffer, viewer.state.level = "view_depth", 0
+    time.sleep(0.25)
+    turn(viewer, 2)
+    depth = viewer._renderer.read("view_depth")[IMAGE_POINT[1] // 2, IMAGE_POINT[0] // 2]
+    assert viewer.state.pixel.values["view_depth"][0] == pytest.approx(depth, rel=1e-3)
+    xdotool(viewer, "key", "bracketleft")
+    assert viewer.state.buffer not in (None, "view_depth")
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_every_panel_draws_at_every_scale(viewer, monkeypatch, scale):
+    monkeypatch.setattr(widgets, "section", lambda *_, **__: True)
+    monkeypatch.setattr(imgui, "tree_node_ex", lambda text, flags: imgui.tree_node(text))
+    state = viewer.state
+    state.lights = tuple(Light(kind) for kind in ("point", "spot", "directional"))
+    state.ui_scale = scale
+    state.help_open = state.about_open = True
+    state.shader_error = "error"
+    state.camera.mode = "fly"
+    for light in (0, 2, None):
+        state.motion = type(state.motion)(light=light, path="swing")
+        turn(viewer, 2)
+    viewer.actions.browse_scene()
+    turn(viewer, 2)
+    viewer.actions.toggle_panels()
+    turn(viewer, 2)
+
+
+def test_run_window_closes_after_the_frames_that_were_asked_for(display, scene):
+    run_window(scene, SETTINGS, (320, 200), frames=3)
+
+
+def test_without_a_display_the_error_says_so(display, monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":987654")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(UserError, match="OpenGL 3.3 core or newer cannot be opened"):
+        open_window("test", SIZE)
+
+
+def test_an_opengl_that_is_too_old_is_an_error_with_the_reason(display, monkeypatch):
+    monkeypatch.setattr(glfw_window, "_VERSIONS", ((9, 9),))
+    with pytest.raises(UserError, match="3.3 core or newer cannot be opened.*Failed to create"):
+        open_window("test", SIZE)
+
+
+def test_opengl_without_compute_is_enough(display, scene, monkeypatch):
+    monkeypatch.setenv("MESA_GL_VERSION_OVERRIDE", "3.3")
+    monkeypatch.setenv("MESA_GLSL_VERSION_OVERRIDE", "330")
+    run_window(scene, SETTINGS, (320, 200), frames=2)
