@@ -41,7 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments = sys.argv[1:]
     debug = "--debug" in arguments
     try:
-        status = _dispatch(list(arguments))
+        try:
+            status = _dispatch(list(arguments))
+        except SystemExit as end:  # after --help, or told to end
+            status = end.code
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -74,7 +77,8 @@ def _dispatch(arguments: list[str]) -> int:
     command: ModuleType = importlib.import_module(f"ssil_viewer.commands.{name}")
     parser = Parser(f"{_PROGRAM} {name}", command.USAGE, COMMANDS[name].capitalize() + ".", command.EPILOG)
     command.add_flags(parser)
-    return command.run(parser.parse(rest)) or 0
+    command.run(parser.parse(rest))
+    return 0
 
 
 def _split_command(arguments: list[str]) -> tuple[str, list[str]]:

@@ -248,10 +248,7 @@ def test_failures_become_one_line_and_a_status(monkeypatch, capsys, failure, sta
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["view", "-h"], ["info", "-h"], ["scenes", "-h"]])
 def test_help(words, capsys):
-    try:
-        assert cli.main(words) == 0
-    except SystemExit as end:
-        assert end.code == 0
+    assert cli.main(words) == 0
     assert "usage: ssil-viewer" in capsys.readouterr().out
 
 
@@ -275,7 +272,7 @@ def test_a_reader_that_goes_away_is_no_error():
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     process.stdout.close()
     assert process.stderr.read() == b""
-    process.wait()
+    assert process.wait() in (0, 141)  # argparse swallows the error when the text is long
 
 
 def test_importing_the_package_loads_nothing_heavy():

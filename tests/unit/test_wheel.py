@@ -49,9 +49,9 @@ def test_the_wheel_holds_what_ships_and_nothing_else(wheel):
     assert not [name for name in names if name.endswith(".pyc")]
     for folder, inside in (("ssil_viewer", "ssil_viewer"), ("shaders", "ssil_viewer/_shaders"),
                            ("assets/scenes", "ssil_viewer/_assets/scenes")):
-        tracked = subprocess.run(["git", "ls-files", folder], cwd=ROOT, capture_output=True, text=True)
-        for name in tracked.stdout.split():
-            assert inside + name.removeprefix(folder) in names
+        for path in (ROOT / folder).rglob("*"):
+            if path.suffix in (".py", ".toml", ".glsl", ".glb", ".gltf"):
+                assert f"{inside}/{path.relative_to(ROOT / folder).as_posix()}" in names
 
 
 def test_it_is_the_installed_copy_that_runs(installed, tmp_path):
