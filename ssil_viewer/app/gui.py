@@ -8,7 +8,19 @@ from imgui_bundle import imgui
 
 from ssil_viewer.app import keys
 from ssil_viewer.app.actions import Actions
-from ssil_viewer.app.panels import buffers, camera, help, interface, lights, messages, scene, settings, timings, widgets
+from ssil_viewer.app.panels import (
+    buffers,
+    camera,
+    help,
+    interface,
+    light_markers,
+    lights,
+    messages,
+    scene,
+    settings,
+    timings,
+    widgets,
+)
 from ssil_viewer.app.panels.file_browser import FileBrowser
 from ssil_viewer.app.state import AppState
 from ssil_viewer.pipeline import Renderer
@@ -123,9 +135,9 @@ class Gui:
         imgui.pop_style_var()
         parts: dict[str, Callable[[], None]] = {
             "Settings": lambda: settings.draw(state, actions),
-            "Lights": lambda: lights.draw(state, actions),
+            "Lights": self._lights,
             "Camera": lambda: camera.draw(state, actions),
-            "Scene": lambda: self._scene_panel.draw(state, actions),
+            "Scene": lambda: self._scene_panel.draw(state, actions, self._renderer.warnings),
             "Buffers": lambda: buffers.draw(state, actions, self._renderer),
             "Window": lambda: interface.draw(state, actions, self._renderer.size),
         }
@@ -136,6 +148,10 @@ class Gui:
                 draw()
                 imgui.pop_id()
         imgui.end()
+
+    def _lights(self) -> None:
+        lights.draw(self._state, self._actions)
+        light_markers.draw(self._state.motion.applied(self._state.lights), self._state.camera)
 
     @staticmethod
     def _panel_width() -> float:

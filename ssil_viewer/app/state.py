@@ -63,6 +63,7 @@ class AppState:
         shader_error: What the compiler said at the last reload, or empty.
         no_indirect: Why there is no indirect light, or empty.
         continuous: Render every turn of the loop, also while nothing changes.
+        resting: Nothing changes and nothing is rendered.
         shader_generation: Counts reloads of the shaders.
         frame_seconds: Wall time of the last frames.
     """
@@ -86,6 +87,7 @@ class AppState:
     render_scale: float = 1.0
     vsync: bool = True
     continuous: bool = True
+    resting: bool = False
     shader_generation: int = 0
     loading: str | None = None
     shader_error: str = ""

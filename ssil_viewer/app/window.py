@@ -33,6 +33,8 @@ _IDLE_WAIT = 0.05          # s between redraws of the panels while nothing chang
 _DOUBLE_CLICK = 0.35       # s
 _CLICK_SLOP = 4.0          # window units that a click may move
 _READING_INTERVAL = 0.2    # s; each reading waits for the GPU
+_HINT_FRAME = 5            # by then shaders are compiled
+_SLOW_FRAME = 0.5          # s
 _SETTLED = 0.7             # s without a change before the picture is looked at for light
 _INSPECTED = ("final", "direct", "indirect", "albedo", "normal", "view_depth")
 _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
@@ -130,8 +132,11 @@ class Viewer:
             self._rendered = True
             self._renderer.render(self.state.camera.camera())
             self.frames += 1
+            if self.frames == _HINT_FRAME and self.state.frame_time > _SLOW_FRAME:
+                self.state.say("Frames are slow here: try Settings > fast, or Window > Image scale")
         else:
             self._rendered = False
+        self.state.resting = not self._rendered
         self._renderer.present(self._screen)
         self._gui_renderer.render(imgui.get_draw_data(), self._screen)
         self._after_frame(view)
@@ -243,7 +248,7 @@ class Viewer:
         """Once after every change, when the view has settled: is anything in view lit?"""
         state = self.state
         if view != self._last_view:
-            self._last_view, self._changed_at = view, now
+            self._last_view, self._changed_at, self._lit = view, now, None
         elif self._changed_at is not None and now - self._changed_at > _SETTLED:
             self._changed_at = None
             buffers = self._renderer.buffers()

@@ -14,6 +14,7 @@ from ssil_viewer.app.state import AppState
 from ssil_viewer.scene.model import Light
 
 _MAX_INTENSITY = 1e6
+_NODE = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.frame_padding
 _STEEPEST = math.radians(89.9)
 
 
@@ -23,7 +24,7 @@ def draw(state: AppState, actions: Actions) -> None:
     for index, light in enumerate(state.lights):
         imgui.push_id(index)
         text = light.name or f"{light.kind.capitalize()} {index + 1}"
-        if imgui.tree_node_ex(f"{text}###light", imgui.TreeNodeFlags_.span_avail_width):
+        if imgui.tree_node_ex(f"{text}###light", _NODE):
             edited = _edit(light, state.camera.scene_radius)
             deleted = imgui.button("Delete")
             imgui.tree_pop()
@@ -57,7 +58,7 @@ def _add_buttons(state: AppState) -> None:
 
 def _edit(light: Light, scene_radius: float) -> Light:
     changes: dict[str, Any] = {}
-    widgets.label("Colour")
+    widgets.label("Colour", "Linear RGB; multiplies the intensity.")
     changed, color = imgui.color_edit3("##color", list(light.color), imgui.ColorEditFlags_.float)
     if changed:
         changes["color"] = _triple(color)

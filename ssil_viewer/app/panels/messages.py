@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 from imgui_bundle import imgui
@@ -90,7 +89,9 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
         imgui.same_line(0.0, 2 * imgui.get_font_size())
         imgui.text_colored(theme.ACCENT, state.no_indirect)
     seconds = state.frame_time
-    rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 and math.isfinite(seconds) else "n/a"
+    rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 else "n/a"
+    if state.resting:
+        rate = "at rest"
     text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
     imgui.same_line()
     if imgui.calc_text_size(text).x < imgui.get_content_region_avail().x:

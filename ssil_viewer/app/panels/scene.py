@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Sequence
+
 from imgui_bundle import imgui
 
 from ssil_viewer.app.actions import Actions
@@ -21,8 +23,8 @@ class ScenePanel:
         self._facts: dict[str, str] = {}
         self._description = ""
 
-    def draw(self, state: AppState, actions: Actions) -> None:
-        """Source, facts and warnings."""
+    def draw(self, state: AppState, actions: Actions, render_warnings: Sequence[str]) -> None:
+        """Source, facts and warnings, those of the loader and those of the renderer."""
         widgets.label("Built-in")
         name = state.scene.name.removeprefix("builtin:")
         if imgui.begin_combo("##builtin", name if name in BUILTIN_SCENES else "choose..."):
@@ -43,7 +45,7 @@ class ScenePanel:
         if imgui.tree_node("Details"):
             imgui.text_wrapped(self._description)
             imgui.tree_pop()
-        warnings = state.scene.warnings
+        warnings = [*state.scene.warnings, *render_warnings]
         if warnings and imgui.tree_node(f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}###warnings"):
             for warning in warnings:
                 widgets.muted(warning)

@@ -37,10 +37,13 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def draw_menu(actions: Actions) -> None:
     """Entries of the menu "Settings"."""
-    for name in presets():
+    imgui.separator_text("Presets")
+    for name, path in presets().items():
         if imgui.menu_item_simple(name):
             actions.use_preset(name)
-    imgui.separator()
+        if imgui.is_item_hovered():
+            widgets.hint(path.read_text(encoding="utf-8").strip())
+    imgui.separator_text("Files")
     if imgui.menu_item_simple("Save as settings.toml"):
         actions.save_settings(Path.cwd() / "settings.toml")
     if imgui.menu_item_simple("Load settings file...", keys.shortcut("browse_scene")):
