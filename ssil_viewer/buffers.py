@@ -66,6 +66,7 @@ BUFFERS: dict[str, Buffer] = {
     "motion": Buffer(("motion",), (0, 1), MOTION, "displacement since the last frame, image widths and heights, +y up"),
     "winner": Buffer(("winner",), (0,), INDEX),
     "gather": Buffer(("gather",)),
+    "light": Buffer(("light",)),
     "upsample": Buffer(("upsample",)),
     "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
 }

@@ -32,18 +32,36 @@ vec3 decode_rgb9e5(uint bits) {
     return vec3(float(bits & 511u), float((bits >> 9) & 511u), float((bits >> 18) & 511u)) * scale;
 }
 
+// Three signed components of 10 bits in the low 30 bits; error below 0.001 per component.
+uint encode_snorm10(vec3 v) {
+    ivec3 n = ivec3(floor(clamp(v, -1.0, 1.0) * 511.0 + 0.5)) & 1023;
+    return uint(n.x | (n.y << 10) | (n.z << 20));
+}
+
+vec3 decode_snorm10(uint bits) {
+    int n = int(bits);
+    return vec3(ivec3(n << 22, n << 12, n << 2) >> 22) * (1.0 / 511.0);
+}
+
 // Depth as its 32 bits, the normal as three 10-bit signed components: decoding needs no square root,
 // which the gather would pay per sample. Angular error below 0.06 degrees.
 uvec2 encode_surface(Surface surface) {
-    ivec3 n = ivec3(floor(clamp(surface.normal, -1.0, 1.0) * 511.0 + 0.5)) & 1023;
-    return uvec2(floatBitsToUint(surface.view_depth), uint(n.x | (n.y << 10) | (n.z << 20)));
+    return uvec2(floatBitsToUint(surface.view_depth), encode_snorm10(surface.normal));
 }
 
 Surface decode_surface(uvec2 bits) {
-    int n = int(bits.y);
-    vec3 normal = vec3(ivec3(n << 22, n << 12, n << 2) >> 22) * (1.0 / 511.0);
-    return Surface(uintBitsToFloat(bits.x), normal);
+    return Surface(uintBitsToFloat(bits.x), decode_snorm10(bits.y));
 }
+
+// Light that arrives at a point, independent of the normal there. lib/lobe.glsl gives it a meaning.
+// direction: mean direction of arrival in view space, shorter than 1 the more the light spreads.
+struct Lobe {
+    vec3 flux;
+    vec3 direction;
+};
+
+uvec2 encode_lobe(Lobe lobe) { return uvec2(encode_rgb9e5(lobe.flux), encode_snorm10(lobe.direction)); }
+Lobe decode_lobe(uvec2 bits) { return Lobe(decode_rgb9e5(bits.x), decode_snorm10(bits.y)); }
 
 // Reflectance in 8 bits: the square root spends the codes where the eye needs them, and 0.0019 is not 0.
 vec4 encode_reflectance(vec4 value) { return vec4(sqrt(clamp(value.rgb, 0.0, 1.0)), value.a); }

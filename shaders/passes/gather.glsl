@@ -1,10 +1,21 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
+#include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
 
 const float PI = 3.141592653589793;
 
+#ifndef VARIANT
+#define VARIANT 1
+#endif
+#if VARIANT==0
+#define TA (texel_area*texels)
+#define W 1.0
+#else
+#define TA texel_area
+#define W texels
+#endif
 void shade(ivec2 px) {
-    out_gather = vec3(0.0);
+    out_gather = Lobe(vec3(0.0), vec3(0.0));
     Surface receiver = load_surface(px);
     if (receiver.view_depth <= 0.0) return;
     ivec2 size = size_surface();
@@ -13,18 +24,20 @@ void shade(ivec2 px) {
 
     // Area on the plane z = 1 that a sample stands for, over pi.
     float inner = inner_radius * inner_radius, outer = frame.radius * frame.radius;
-    float area = scale.x * scale.y * (outer - inner) / float(frame.samples);
+    float texel_area = scale.x * scale.y / PI;
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
     vec2 direction = direction_from_turn(jitter.x);
     vec2 center = vec2(px) + 0.5;
-    vec3 sum = vec3(0.0);
-    float step_squared = (outer - inner) / float(frame.samples);
-    float radius_squared = inner + jitter.y * step_squared;
+    vec3 sum = vec3(0.0), directions = vec3(0.0);
+    float weights = 0.0;
+    float radius_step = (frame.radius - inner_radius) / float(frame.samples);
+    float radius = inner_radius + jitter.y * radius_step;
 
     for (int i = 0; i < frame.samples; ++i) {
-        ivec2 at = ivec2(floor(center + direction * sqrt(radius_squared)));
+        ivec2 at = ivec2(floor(center + direction * radius));
+        float texels = 2.0 * PI * radius * radius_step;
         direction = golden_rotation(direction);
-        radius_squared += step_squared;
+        radius += radius_step;
         if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size)) || at == px) continue;
         Surface sender = load_surface(at);
         vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), sender.view_depth);
@@ -38,13 +51,17 @@ void shade(ivec2 px) {
         float facing = max(-dot(sender.normal, q), 0.01 * length(q));
         float inverse_distance = inversesqrt(distance_squared);
         float depth = sender.view_depth;
-        float disc = sender_cos * inverse_distance * area * depth * depth * depth / facing;   // R^2 = cos' dA / pi
+        float disc = sender_cos * inverse_distance * TA * depth * depth * depth / facing;   // R^2 = cos' dA / pi
 #if FORM_FACTOR == 0
-        float factor = disc / (distance_squared + disc);
+        float factor = W * disc / (distance_squared + disc);
 #else
-        float factor = disc / distance_squared;
+        float factor = W * disc / distance_squared;
 #endif
-        sum += load_radiance(at) * (receiver_cos * inverse_distance * factor);
+        vec3 radiance = load_radiance(at) * factor;
+        float weight = radiance.r + radiance.g + radiance.b;
+        sum += radiance * (receiver_cos * inverse_distance);
+        directions += v * (inverse_distance * weight);
+        weights += weight;
     }
-    out_gather = sum * PI;
+    out_gather = make_lobe(sum * PI, directions, weights, receiver.normal);
 }

@@ -26,13 +26,15 @@ void shade(ivec2 px) {
         p[i] = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), s[i].view_depth);
     }
     int winner = 0;
-    float best = -1.0;
+    float best = -1.0, nearest = 1e30, farthest = 0.0;
     Surface kept = s[5];
     for (int c = 0; c < 4; ++c) {
         int i = 5 + (c & 1) + (c >> 1) * 4;
         // A texel beyond the edge of an odd level is a clamped copy: it must not win over its original.
         bool inside = all(lessThanEqual(base + ivec2(c & 1, c >> 1), last));
         if (s[i].view_depth > 0.0 && inside) {
+            nearest = min(nearest, s[i].view_depth);
+            farthest = max(farthest, s[i].view_depth);
             float score = 0.0;
             for (int j = 0; j < 16; ++j) if (j != i) score += support(s[i], p[i], s[j], p[j]);
             if (score > best * 1.0001) {
@@ -42,6 +44,14 @@ void shade(ivec2 px) {
             }
         }
     }
+    // The texel's position is rebuilt at its own centre, half a finer texel from where the winner lay: the winner
+    // slides there along its tangent plane, but never out of the depths that the block really has. Without this a
+    // slanted surface moves by half a texel at each level, to the same side, since equal scores go to the first.
+    vec2 from = ray_from_pixel(vec2(base + ivec2(winner & 1, winner >> 1)) + 0.5, scale, frame.ray_origin);
+    vec2 to = ray_from_pixel(vec2(base) + 1.0, scale, frame.ray_origin);
+    float ahead = dot(kept.normal, vec3(to, -1.0));
+    float slid = kept.view_depth * dot(kept.normal, vec3(from, -1.0)) / (ahead < -1e-4 ? ahead : -1e-4);
+    if (kept.view_depth > 0.0) kept.view_depth = clamp(slid, nearest, farthest);
     out_surface = kept;
     out_winner = uint(winner);
 #elif MIP_FILTER == 1

@@ -42,6 +42,8 @@ class Format:
 FORMATS: dict[str, Format] = {
     "surface": Format(2, "u4", "Surface", "uvec2", "usampler2D", "uimage2D", "rg32ui",
                       "decode_surface({}.xy)", "encode_surface({})", 8),
+    "lobe": Format(2, "u4", "Lobe", "uvec2", "usampler2D", "uimage2D", "rg32ui",
+                   "decode_lobe({}.xy)", "encode_lobe({})", 8),
     "rgb9e5": Format(1, "u4", "vec3", "uint", "usampler2D", "uimage2D", "r32ui",
                      "decode_rgb9e5({}.x)", "encode_rgb9e5({})", 4),
     "reflectance": Format(4, "f1", "vec4", "vec4", "sampler2D", "image2D", "rgba8",

@@ -22,7 +22,7 @@ class Gather(ScreenPass):
     name = "gather"
     shader = "passes/gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
-    writes = {"gather": Target("rgb9e5", "irradiance from this level's disc or ring, W m^-2", "gather")}
+    writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather")}
     uniforms = {"texel": "float", "inner_radius": "float"}
 
     def enabled(self, settings: Settings) -> bool:

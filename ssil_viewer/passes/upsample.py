@@ -24,9 +24,10 @@ class Upsample(ScreenPass):
     shader = "passes/upsample.glsl"
     reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True),
              "coarse_surface": Read.of("surface", offset=1, optional=True),
-             "coarse": Read.of("upsample", offset=1, optional=True),
+             "coarse": Read.of("light", offset=1, optional=True),
              "albedo": Read.of("albedo", optional=True)}
-    writes = {"upsample": Target("rgb9e5", "irradiance from this level and all coarser ones, W m^-2", "pyramid")}
+    writes = {"light": Target("lobe", "light from this level and all coarser ones: flux and mean direction", "coarse"),
+              "upsample": Target("rgb9e5", "irradiance of this frame alone, W m^-2")}
     uniforms = {"texel": "float"}
 
     def enabled(self, settings: Settings) -> bool:
@@ -36,11 +37,13 @@ class Upsample(ScreenPass):
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
         last = frame.settings.last_level
         for level in range(last, -1, -1):
-            omit = set()
+            # The image's own level evaluates the light at its normals; the others pass it on as it is
+            omit = {"light"} if level == 0 else {"upsample"}
+            defines = [chosen, ("IMAGE_LEVEL", "")] if level == 0 else [chosen]
             if level == last:
                 omit |= {"coarse", "coarse_surface"}
             if level < frame.settings.start_level:
                 omit.add("gather")
             if level > 0 or not frame.scene.has_occlusion_maps:
                 omit.add("albedo")
-            yield Dispatch(level, {"texel": float(2**level)}, (chosen,), frozenset(omit))
+            yield Dispatch(level, {"texel": float(2**level)}, tuple(defines), frozenset(omit))
