@@ -26,7 +26,7 @@ front -5/6; a courtyard full of columns, whose backs count against its walls, -0
 _OPENING = 0.05
 """Share of the surface that is missing at a side, from which on a room counts as open there."""
 
-_SHEET = 0.3
+_SHEET = 0.6
 """The same share, from which on there is rather a sheet than a body, to be seen from its front."""
 
 _MAX_INSTANCES, _MAX_TRIANGLES = 2_000, 400_000
