@@ -478,10 +478,10 @@ def test_obj_with_one_endless_polygon(tmp_path):
 
 
 def test_broken_mtl(tmp_path):
-    statements = (
-        "Kd,Kd x,Kd 1,Kd nan 0 0,Ns -5,Ns 1e400,Ni 0,d 7,Tr 5,illum x,illum 1e300,Ke -1 -1 -1,Ke 1e400 0 0,bump -bm,"
-        "map_Kd,map_Kd -s,map_Kd -s 1 1 1,map_Kd -bogus a.png,map_d \0"
-    ).split(",")
+    numbers = ["Kd", "Kd x", "Kd 1", "Kd nan 0 0", "Ns -5", "Ns 1e400", "Ni 0", "d 7", "Tr 5", "illum x", "illum 1e300"]
+    colors = ["Ke -1 -1 -1", "Ke 1e400 0 0"]
+    maps = ["map_Kd", "map_Kd -s", "map_Kd -s 1 1 1", "map_Kd -bogus a.png", "map_d \0", "bump -bm"]
+    statements = numbers + colors + maps
     text = "Kd 1 1 1\n" + "".join(f"newmtl m{i}\n{s}\n" for i, s in enumerate(statements))
     (tmp_path / "a.mtl").write_text(text)
     faces = "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(len(statements)))

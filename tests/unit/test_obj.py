@@ -90,9 +90,8 @@ def test_groups_become_meshes_and_materials_primitives(tmp_path):
 def test_concave_polygons_keep_their_area(tmp_path):
     arrow = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 3 4\n"
     assert area(load(tmp_path, arrow)) == pytest.approx(1)
-    comb = (
-        "v 0 0 0\nv 5 0 0\nv 5 3 0\nv 4 3 0\nv 4 1 0\nv 3 1 0\nv 3 3 0\nv 2 3 0\nv 2 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n"
-    )
+    outline = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
+    comb = "".join(f"v {x} {y} 0\n" for x, y in outline)
     scene = load(tmp_path, comb + "f " + " ".join(str(i) for i in range(1, 13)) + "\n")
     assert area(scene) == pytest.approx(5 + 3 * 2)
     assert scene.triangle_count == 10
