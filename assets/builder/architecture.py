@@ -18,7 +18,7 @@ def arc(cx: float, cy: float, radius: float, start: float, end: float, count: in
     return [(cx + radius * float(np.cos(a)), cy + radius * float(np.sin(a))) for a in angle]
 
 
-def column(height: float, radius: float, segments: int, plinth: float, abacus: float) -> Surface:
+def column(height: float, radius: float, segments: int, plinth: float, abacus: float, rows: int = 12) -> Surface:
     """A round column with Attic base, entasis, and a bell capital carved with two rows of leaves.
 
     Args:
@@ -26,21 +26,22 @@ def column(height: float, radius: float, segments: int, plinth: float, abacus: f
         radius: Of the shaft at its foot.
         segments: Sides of the shaft; the capital has twice as many.
         plinth, abacus: Sides of the square slabs below and above.
+        rows: Rings of the carved bell.
     """
     r = radius
     neck, bell = 0.84 * r, 1.7 * r
     slab, foot = 0.34 * r, 0.42 * r
     top = height - slab
     base = [(1.36 * r, foot)]
-    base += arc(1.24 * r, foot + 0.17 * r, 0.17 * r, -60, 80, 5)
-    base += arc(1.33 * r, foot + 0.50 * r, 0.16 * r, 235, 125, 5)
-    base += arc(1.14 * r, foot + 0.74 * r, 0.11 * r, -75, 85, 5)
+    base += arc(1.24 * r, foot + 0.17 * r, 0.17 * r, -60, 80, 4)
+    base += arc(1.33 * r, foot + 0.50 * r, 0.16 * r, 235, 125, 3)
+    base += arc(1.14 * r, foot + 0.74 * r, 0.11 * r, -75, 85, 3)
     base += [(1.04 * r, foot + 0.87 * r)]
     shaft_low, shaft_high = foot + 0.90 * r, top - bell
-    rise = np.linspace(0.0, 1.0, 7)
+    rise = np.linspace(0.0, 1.0, 5)
     swell = r + (neck - r) * rise**1.8
     base += [(float(a), float(shaft_low + (shaft_high - shaft_low) * b)) for a, b in zip(swell, rise)]
-    collar = [(neck, shaft_high - 0.02 * r), *arc(neck + 0.02 * r, shaft_high + 0.08 * r, 0.10 * r, -85, 85, 5)]
+    collar = [(neck, shaft_high - 0.02 * r), *arc(neck + 0.02 * r, shaft_high + 0.08 * r, 0.10 * r, -85, 85, 4)]
     collar.append((neck, shaft_high + 0.20 * r))
     plinth_slab = box((-plinth / 2, 0, -plinth / 2), (plinth / 2, foot, plinth / 2), skip="-y")
     half, bevel = abacus / 2, 0.10 * r
@@ -49,12 +50,12 @@ def column(height: float, radius: float, segments: int, plinth: float, abacus: f
         abacus,
     ).moved(z=-half)
     shaft = lathe(base, segments, cap=False)
-    return merge(plinth_slab, shaft, lathe(collar, segments, cap=False), _bell(neck, top, bell, half, segments), cushion)
+    return merge(plinth_slab, shaft, lathe(collar, segments, cap=False), _bell(neck, top, bell, half, segments, rows), cushion)
 
 
-def _bell(neck: float, top: float, height: float, half: float, segments: int) -> Surface:
+def _bell(neck: float, top: float, height: float, half: float, segments: int, rows: int) -> Surface:
     """The carved part of a capital: a bell that opens upwards under two rows of leaves."""
-    t = np.linspace(0.0, 1.0, 15)
+    t = np.linspace(0.0, 1.0, rows + 1)
     turn = np.linspace(0.0, 2 * np.pi, 2 * segments + 1)
     open_ = neck + (half * 1.02 - neck) * t**2.2
     leaf = np.zeros((len(t), len(turn)))
@@ -168,7 +169,7 @@ def archivolt(radius: float, spring: float, depth: float, band: float, segments:
     return sweep(profile, origins, np.tile([0.0, 0.0, 1.0], (len(origins), 1)), out)
 
 
-def groin_vault(width: float, depth: float, spring: float, rise: float, top: float, steps: int = 8) -> Surface:
+def groin_vault(width: float, depth: float, spring: float, rise: float, top: float, steps: int = 6) -> Surface:
     """A closed block whose underside is the crossing of two (elliptical) barrels, centred on the axis.
 
     Args:
@@ -215,34 +216,32 @@ def rib(radius: float, spring: float, width: float, low: float, high: float, seg
 def baluster(height: float, radius: float, segments: int = 10) -> Surface:
     """A turned baluster without end caps (they stand between rails)."""
     r, h = radius, height
-    profile = [(0.80 * r, 0.0), (0.80 * r, 0.09 * h), (0.45 * r, 0.13 * h), (0.75 * r, 0.22 * h), (1.0 * r, 0.34 * h)]
-    profile += [(0.80 * r, 0.50 * h), (0.46 * r, 0.70 * h), (0.40 * r, 0.84 * h), (0.72 * r, 0.90 * h), (0.72 * r, h)]
+    profile = [(0.80 * r, 0.0), (0.80 * r, 0.09 * h), (0.45 * r, 0.13 * h), (0.92 * r, 0.27 * h), (0.92 * r, 0.40 * h)]
+    profile += [(0.44 * r, 0.74 * h), (0.40 * r, 0.85 * h), (0.72 * r, 0.90 * h), (0.72 * r, h)]
     return lathe(profile, segments, cap=False)
 
 
-def tiled_roof(length: float, run_length: float, drop: float, pitch: float = 0.24) -> Surface:
-    """Rows of half-round tiles from a ridge at z = 0 down to the eave at z = run_length, centred in x.
+def tiled_roof(runs: Sequence[float], pitch: float, slope: float) -> Surface:
+    """Rows of half-round tiles that run down from a ridge at z = 0, y = 0 towards +Z, centred in x.
 
     Args:
-        length: Along the eave, metres.
-        run_length, drop: Horizontal and vertical extent of the slope.
+        runs: Horizontal length of each row from left to right, metres.
         pitch: Width of one row.
+        slope: Drop per metre.
     """
-    rows = max(1, round(length / pitch))
-    width = length / rows
-    turn = np.linspace(0.0, np.pi, 6)
-    slope = np.array([0.0, -drop, run_length])
-    courses = 5
-    one = []
-    for i in range(courses):
-        # Each tile is lifted a little at its lower end, where it lies on the next.
-        a, b = slope * (i / courses), slope * ((i + 1) / courses + 0.01)
-        ends = np.stack([b + [0, 0.035, 0], a])
-        cross = np.stack([-np.cos(turn) * width * 0.52, np.sin(turn) * width * 0.36, np.zeros_like(turn)], -1)
-        points = ends[:, None] + cross[None]
-        uvs = points[..., [0, 2]] + [0.37 * i, 0.0]
-        one.append(grid(points, uvs))
-        lip = np.concatenate([points[0], (ends[0] - [0, 0.03, 0])[None]])
-        one.append(polygon_face(lip[::-1], unit(slope)))
-    row = merge(*one)
-    return merge(*[row.moved(x=(i + 0.5) * width - length / 2) for i in range(rows)])
+    turn = np.linspace(0.0, np.pi, 5)
+    cross = np.stack([-np.cos(turn) * pitch * 0.52, np.sin(turn) * pitch * 0.36, np.zeros_like(turn)], -1)
+    down = np.array([0.0, -slope, 1.0])
+    rows = []
+    for number, length in enumerate(runs):
+        x = (number + 0.5 - len(runs) / 2) * pitch
+        count = max(1, round(length))
+        for i in range(count):
+            # Each tile is lifted a little at its lower end, where it lies on the next.
+            high, low = down * (length * i / count), down * (length * (i + 1) / count + 0.04) + [0.0, 0.035, 0.0]
+            points = np.stack([low, high])[:, None] + cross[None] + [x, 0.0, 0.0]
+            shift = [0.37 * (i + 3 * number), 0.0]
+            rows.append(grid(points, points[..., [0, 2]] + shift))
+            lip = np.concatenate([points[0], [low + [x, -0.03, 0.0]]])
+            rows.append(polygon_face(lip[::-1], (0.0, 0.0, 1.0)))
+    return merge(*rows)

@@ -35,7 +35,9 @@ AISLE = 2.5
 SPRING, UPPER = 2.75, 4.75
 PEDESTAL = 0.83
 UPPER_SPRING = 7.25
-SUN = 13.0
+ROOF_SLOPE = 0.2328
+"""Drop per metre, that of the slab under the tiles."""
+SUN = 15.0
 """Irradiance of the sun, W m^-2: sunlit stone has a radiance of about 2."""
 
 
@@ -82,11 +84,11 @@ def build() -> SceneBuilder:
     _roof(scene, p)
     _furnish(scene, p)
     _relief(scene, p, relief_surface)
-    scene.light("sun", "directional", SUN, (1.0, 0.94, 0.84), direction=(0.32, -1.0, 0.40))
-    scene.camera("nave", (-9.0, 2.9, -1.0), (6.0, 3.25, 0.55), fov=58.0)
-    scene.camera("gallery", (-11.6, 6.55, -4.75), (4.0, 4.6, 2.6), fov=58.0)
+    scene.light("sun", "directional", SUN, (1.0, 0.94, 0.84), direction=(0.50, -1.0, 0.28))
+    scene.camera("nave", (-9.0, 2.8, -1.1), (6.0, 3.0, 0.35), fov=54.0)
+    scene.camera("gallery", (-8.3, 6.6, 4.75), (3.0, 4.3, -1.6), fov=62.0)
     scene.camera("hanging", (-1.2, 1.7, -0.6), (1.9, 1.45, 3.6), fov=50.0)
-    scene.camera("relief", (9.0, 1.9, -0.5), (12.9, 2.0, 0.0), fov=48.0)
+    scene.camera("relief", (9.7, 1.75, -0.55), (12.9, 2.02, 0.05), fov=48.0)
     return scene
 
 
@@ -107,21 +109,20 @@ def _ground(scene: SceneBuilder, p: Palette) -> None:
     scene.place("court floor", scene.mesh("court floor", (p.pavement, court)))
     scene.place("steps", scene.mesh("steps", (p.trim, a.mitred_ring(steps, COURT_X + 0.7, COURT_Z + 0.7, inward=True))))
     floor = _ring_of_boxes((10.45, 3.75), (INNER_X + 0.1, INNER_Z + 0.1), -0.6, -0.012)
-    scene.place("gallery floor", scene.mesh("gallery floor", (p.bricks, floor)))
+    scene.place("gallery floor", scene.mesh("gallery floor", (p.pavement, floor)))
 
 
 def _lower_arcades(scene: SceneBuilder, p: Palette) -> None:
-    column = scene.mesh("lower column", (p.trim, a.column(SPRING, 0.24, 24, 0.70, 0.76)))
+    column = scene.mesh("lower column", (p.trim, a.column(SPRING, 0.24, 18, 0.70, 0.76, rows=11)))
     bays = {}
     for width in (BAY, 1.7):
         radius = (width - WALL) / 2
         wall = a.arched_wall(width, radius + 0.08, SPRING, 4.5, WALL)
         ring = a.archivolt(radius, SPRING, WALL + 0.10, 0.21)
         bays[width] = scene.mesh(f"lower bay {width}", (p.ashlar, wall), (p.trim, ring))
-    disc = [(0.0, 0.0)]
-    disc = [(0.20, -0.02), (0.20, 0.03), *a.arc(0.17, 0.035, 0.03, 0, 180, 5), (0.12, 0.02), *a.arc(0.0, -0.02, 0.09, 40, 90, 4)]
+    disc = [(0.20, -0.02), (0.20, 0.03), *a.arc(0.17, 0.035, 0.03, 0, 180, 4), (0.12, 0.02), *a.arc(0.0, -0.02, 0.09, 40, 90, 4)]
     disc[-1] = (0.0, disc[-1][1])
-    roundel = scene.mesh("roundel", (p.trim, lathe(disc, 24).turned("x", 90.0)))
+    roundel = scene.mesh("roundel", (p.trim, lathe(disc, 16).turned("x", 90.0)))
     corner = scene.mesh("corner pier", (p.trim, a.square_pier(WALL, SPRING)), (p.ashlar, _corner_block()))
     for side in SIDES:
         edges = side.edges()
@@ -171,14 +172,13 @@ def _galleries(scene: SceneBuilder, p: Palette) -> None:
             scene.place(f"{side.name} heavy pilaster {i}", heavy, side.at(x, 0.0, back), side.turn)
     for x in (-1.0, 1.0):
         for z in (-1.0, 1.0):
-            scene.place("corner vault", vaults[AISLE], (x * (AXIS_X - middle - 0.0), 0.0, z * (AXIS_Z - middle)))
+            scene.place("corner vault", vaults[AISLE], (x * (AXIS_X - middle), 0.0, z * (AXIS_Z - middle)))
     walls = _ring_of_boxes((INNER_X, INNER_Z), (OUTER_X, OUTER_Z), -0.6, 9.48)
     scene.place("outer walls", scene.mesh("outer walls", (p.plaster, walls)))
     upper = _ring_of_boxes((COURT_X + 0.08, COURT_Z + 0.08), (INNER_X + 0.1, INNER_Z + 0.1), 4.45, UPPER)
     scene.place("upper floor", scene.mesh("upper floor", (p.bricks, upper)))
     skirt = [(-0.05, -0.05), (0.03, -0.05), (0.03, 0.20), (0.0, 0.22), (-0.05, 0.22)]
     course = [(-0.05, 2.60), (0.02, 2.60), (0.05, 2.66), (0.05, SPRING - 0.005), (-0.05, SPRING - 0.005)]
-    high = [(-0.05, UPPER + y) for y in (0.0,)]
     high = [(-0.05, UPPER - 0.05), (0.03, UPPER - 0.05), (0.03, UPPER + 0.20), (0.0, UPPER + 0.22), (-0.05, UPPER + 0.22)]
     rings = merge(*[a.mitred_ring(profile, INNER_X, INNER_Z, inward=True) for profile in (skirt, course, high)])
     scene.place("wall mouldings", scene.mesh("wall mouldings", (p.trim, rings)))
@@ -198,7 +198,7 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
     foot = [(0.0, UPPER), (0.03, UPPER), (0.03, UPPER + 0.10), (0.0, UPPER + 0.12)]
     cap = [(0.0, UPPER + 0.70), (0.035, UPPER + 0.74), (0.035, UPPER + PEDESTAL + 0.004), (0.0, UPPER + PEDESTAL + 0.004)]
     pedestal = merge(post, a.mitred_ring(foot, 0.18, 0.18), a.mitred_ring(cap, 0.18, 0.18))
-    shaft = a.column(UPPER_SPRING - UPPER - PEDESTAL, 0.125, 14, 0.37, 0.44).moved(y=UPPER + PEDESTAL)
+    shaft = a.column(UPPER_SPRING - UPPER - PEDESTAL, 0.125, 10, 0.37, 0.44, rows=7).moved(y=UPPER + PEDESTAL)
     column = scene.mesh("upper column", (p.trim, merge(pedestal, shaft)))
     corner = box((-0.3, UPPER - 0.02, -0.3), (0.3, 8.75, 0.3), skip="-y")
     corner_pier = scene.mesh("upper corner pier", (p.ashlar, corner))
@@ -209,8 +209,8 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
         walls, rings = [], []
         for i in range(arches):
             x = (i + 0.5) * step - width / 2
-            walls.append(a.arched_wall(step, radius + 0.06, UPPER_SPRING, 8.7, thickness, 18).moved(x=x))
-            rings.append(a.archivolt(radius, UPPER_SPRING, thickness + 0.08, 0.15, 18).moved(x=x))
+            walls.append(a.arched_wall(step, radius + 0.06, UPPER_SPRING, 8.7, thickness, 14).moved(x=x))
+            rings.append(a.archivolt(radius, UPPER_SPRING, thickness + 0.08, 0.15, 14).moved(x=x))
             clear = step - 0.38
             rings.append(a.run([(-0.13, UPPER + 0.004), (0.13, UPPER + 0.004), (0.13, UPPER + 0.09), (-0.13, UPPER + 0.09)], clear).moved(x=x))
             rail = [(-0.10, UPPER + 0.67), (0.10, UPPER + 0.67), (0.14, UPPER + 0.71), (0.14, UPPER + 0.79), (-0.14, UPPER + 0.79), (-0.14, UPPER + 0.71)]
@@ -220,7 +220,7 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
     def balusters(width: float) -> int:
         count = round((width - 0.38) / 0.17)
         at = (np.arange(count) + 0.5) / count * (width - 0.38) - (width - 0.38) / 2
-        one = a.baluster(0.60, 0.066, 8)
+        one = a.baluster(0.60, 0.066, 7)
         return scene.mesh(f"balusters {width}", (p.trim, merge(*[one.moved(x=float(x), y=UPPER + 0.08) for x in at])))
 
     bays = {BAY: bay(BAY, 2), 1.7: bay(1.7, 1)}
@@ -264,7 +264,13 @@ def _roof(scene: SceneBuilder, p: Palette) -> None:
     slab = [(0.0, 9.50), (4.08, 8.55), (4.08, 8.68), (0.0, 9.65)]
     under = a.mitred_ring(slab, OUTER_X + 0.15, OUTER_Z + 0.15, inward=True)
     scene.place("roof", scene.mesh("roof", (p.wood, under)))
-    rows = scene.mesh("roof tiles", (p.terracotta, a.tiled_roof(1.89, 4.15, 0.966, 0.27)))
+    rows = scene.mesh("roof tiles", (p.tiles, a.tiled_roof([4.15] * 7, 0.27, ROOF_SLOPE)))
+    # The inner corners are valleys: towards them the rows end earlier and earlier.
+    shorter = [4.15 - (i + 0.5) * 0.27 for i in range(15)]
+    ends = [
+        scene.mesh("roof corner left", (p.tiles, a.tiled_roof(shorter[::-1], 0.27, ROOF_SLOPE))),
+        scene.mesh("roof corner right", (p.tiles, a.tiled_roof(shorter, 0.27, ROOF_SLOPE))),
+    ]
     for side in SIDES:
         ridge = side.distance + 3.45
         eave = 2 * (sum(side.bays) / 2 - 0.35)
@@ -273,19 +279,22 @@ def _roof(scene: SceneBuilder, p: Palette) -> None:
             x = ((i + 0.5) / count - 0.5) * eave
             place = side.at(x, 9.645, -(ridge - side.distance))
             scene.place(f"{side.name} tiles {i}", rows, place, side.turn, (eave / count / 1.89, 1.0, 1.0))
+        for end, sign in zip(ends, (-1.0, 1.0)):
+            place = side.at(sign * (eave / 2 + 15 * 0.27 / 2), 9.645, -(ridge - side.distance))
+            scene.place(f"{side.name} corner tiles", end, place, side.turn)
 
 
 def _furnish(scene: SceneBuilder, p: Palette) -> None:
     colors = ("red", "blue", "gold", "green", "red", "gold", "blue")
     meshes: dict[tuple, int] = {}
 
-    def mesh(kind: str, color: str, number: int) -> int:
+    def mesh(kind: str, color: str) -> int:
         key = (kind, color)
         if key not in meshes:
             if kind == "banner":
-                parts = details.banner(p, color, 1.55, 2.45, number)
+                parts = details.banner(p, color, 1.55, 2.45, seed=3)
             else:
-                parts = details.drawn_curtain(p, color, 2.05, 2.62, -1.0 if kind == "left" else 1.0, number)
+                parts = details.drawn_curtain(p, color, 2.05, 2.62, -1.0 if kind == "left" else 1.0, seed=4)
             meshes[key] = scene.mesh(f"{kind} {color}", *parts)
         return meshes[key]
 
@@ -294,8 +303,13 @@ def _furnish(scene: SceneBuilder, p: Palette) -> None:
         for i, color in enumerate(order):
             kind = ("left", "banner", "right")[i % 3]
             x = (edges[i] + edges[i + 1]) / 2
-            scene.place(f"{side.name} hanging {i}", mesh(kind, color, i), side.at(x, SPRING - 0.02), side.turn)
+            scene.place(f"{side.name} hanging {i}", mesh(kind, color), side.at(x, SPRING - 0.02), side.turn)
     shrub = [scene.mesh(f"shrub {i}", *details.bush(p, 80 + i)) for i in range(2)]
+    rugs: dict[str, int] = {}
+    for i, (side, bay, color) in enumerate(((NORTH, 1.5, "red"), (NORTH, -2.5, "blue"), (SOUTH, 0.5, "green"), (SOUTH, -1.5, "red"), (EAST, 0.0, "red"))):
+        if color not in rugs:
+            rugs[color] = scene.mesh(f"rug {color}", *details.rug(p, color, 0.86))
+        scene.place(f"rug {i}", rugs[color], side.at((bay + 0.25) * BAY if side is not EAST else 0.7, UPPER + 0.79), side.turn)
     orange = scene.mesh("orange tree", *details.tree(p, 90))
     for i, (x, z) in enumerate(((-5.6, -2.2), (0.0, -2.2), (5.6, -2.2), (-2.8, 2.2), (2.8, 2.2), (8.4, 2.2))):
         scene.place(f"shrub {i}", shrub[i % 2], (x, -0.2, z), turn=67.0 * i)

@@ -40,7 +40,7 @@ def drawn_curtain(palette: Palette, color: str, width: float, drop: float, side:
         below = np.clip((v - tie) / (1.0 - tie), 0.0, 1.0)
         part = 1.0 - 0.80 * above**1.7 + 0.22 * np.sin(below * np.pi * 0.62)
         gathered = 1.0 - part
-        fold = np.sin(2 * np.pi * 9.0 * u + phase + 0.4 * np.sin(5.0 * v))
+        fold = np.sin(2 * np.pi * 7.0 * u + phase + 0.4 * np.sin(5.0 * v))
         x = side * (width / 2 - width * part * u)
         # Cloth hangs down from the rod in a curve before it reaches the tie.
         sag = 0.10 * np.sin(np.pi * above) * u
@@ -56,7 +56,7 @@ def drawn_curtain(palette: Palette, color: str, width: float, drop: float, side:
 
 def _cloth(palette: Palette, color: str, shape, width: float, drop: float) -> list[Part]:
     """A single sheet in three bands: field, golden border, hem."""
-    columns, rows = 73, 30
+    columns, rows = 43, 20
     trim = "red" if color == "gold" else "gold"
     field, border = 1.0 - 0.34 / drop, 1.0 - 0.10 / drop
     parts: dict[str, list[Surface]] = {}
@@ -85,6 +85,24 @@ def _rod(palette: Palette, length: float) -> Part:
     knob = sphere(0.035, 6, 10)
     bar = lathe([(0.016, -length / 2), (0.016, length / 2)], 8).turned("z", 90.0)
     return palette.iron, merge(bar, knob.moved(x=length / 2), knob.moved(x=-length / 2)).moved(y=0.01)
+
+
+def rug(palette: Palette, color: str, width: float) -> list[Part]:
+    """A rug that lies over a balustrade: y = 0 is the rail's top, the longer end hangs at +Z."""
+    over = [(-0.175, -0.42), (-0.17, -0.2), (-0.165, -0.02), (-0.13, 0.012), (0.0, 0.015), (0.13, 0.012), (0.165, -0.02)]
+    over += [(0.17, -0.25), (0.178, -0.5), (0.19, -0.76)]
+    path = np.array(over)[::-1]
+    v = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    u = np.linspace(-0.5, 0.5, 25) * width
+    hang = np.clip(-path[:, 1], 0.0, 1.0)
+    wave = 0.030 * np.sin(u * 21.0)[None, :] * hang[:, None] * np.sign(path[:, :1])
+    z = path[:, :1] + wave + 0.03 * hang[:, None] * np.sign(path[:, :1])
+    points = np.stack([np.repeat(u[None], len(path), 0), np.repeat(path[:, 1:], len(u), 1), z], -1)
+    sheet = grid(points, np.stack(np.broadcast_arrays(u[None], v[-1] - v[:, None]), -1))
+    border = np.abs(sheet.positions[:, 0]) > 0.43 * width
+    edge = border[sheet.triangles].all(axis=1)
+    trim = "red" if color == "gold" else "gold"
+    return [(palette.cloth[color], _pick(sheet, ~edge)), (palette.cloth[trim], _pick(sheet, edge))]
 
 
 def pot(radius: float, height: float, segments: int = 28) -> Surface:

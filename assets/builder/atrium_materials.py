@@ -21,7 +21,7 @@ class Palette:
         pavement: Slabs of the court.
         bricks: Herringbone floor of the galleries.
         wood: Doors and beams.
-        terracotta: Pots and roof tiles.
+        terracotta, tiles: Pots; the roof.
         soil, leaves: Plants; leaves are alpha-masked cards with coordinates of their own.
         relief: The stone of the relief, with coordinates of its own.
         cloth: Hangings by colour name, woven; "gold" is also the border.
@@ -35,6 +35,7 @@ class Palette:
     bricks: MaterialHandle
     wood: MaterialHandle
     terracotta: MaterialHandle
+    tiles: MaterialHandle
     soil: MaterialHandle
     leaves: MaterialHandle
     relief: MaterialHandle
@@ -77,11 +78,12 @@ def palette(scene: SceneBuilder, relief_detail: np.ndarray, relief_size: float) 
     return Palette(
         ashlar=pair("ashlar", *_ashlar(), 2.8, roughness=0.9),
         trim=pair("limestone", *_limestone(), 1.4, roughness=0.75),
-        plaster=scene.material("plaster", (0.62, 0.55, 0.45), 1.0, color_texture=mottle, tile=3.1),
+        plaster=scene.material("plaster", (0.70, 0.62, 0.51), 1.0, color_texture=mottle, tile=3.1),
         pavement=pair("pavement", *_pavement(), 1.55, roughness=0.7),
         bricks=pair("bricks", *_bricks(), 1.2, roughness=0.85),
         wood=pair("wood", *_wood(), 1.0, roughness=0.8),
         terracotta=scene.material("terracotta", (0.58, 0.26, 0.14), 0.9, color_texture=mottle, tile=1.3),
+        tiles=scene.material("roof tiles", (0.44, 0.17, 0.085), 1.0, color_texture=mottle, tile=1.3),
         soil=scene.material("soil", (0.09, 0.06, 0.04), 1.0),
         leaves=scene.material(
             "leaves", roughness=0.8, color_texture=leaf, tile=None, mask=0.5, double_sided=True
@@ -137,7 +139,7 @@ def _pavement() -> tuple[np.ndarray, np.ndarray]:
     grain, stain = t.noise(size, 42, 10, 250, 0.7), t.noise(size, 43, 1, 9, 1.0)
     shade = 1.0 + 0.04 * grain + 0.04 * stain - 0.35 * joint
     alternate = (block // count + block % count) % 2
-    pale = np.where(alternate[..., None] == 0, (0.60, 0.55, 0.46), (0.53, 0.46, 0.37)) * shade[..., None]
+    pale = np.where(alternate[..., None] == 0, (0.56, 0.51, 0.43), (0.47, 0.40, 0.32)) * shade[..., None]
     dark = np.array((0.13, 0.11, 0.10)) * (shade + 0.5 * (shade - 1.0))[..., None]
     height = 0.004 * t.smoothstep(0.0, 0.010, edge) + 0.0003 * grain + 0.0008 * stain
     return np.where(inset[..., None], dark, pale), height
@@ -149,7 +151,7 @@ def _bricks() -> tuple[np.ndarray, np.ndarray]:
     joint = t.smoothstep(0.006, 0.002, edge)
     grain = t.noise(size, 52, 8, 250, 0.6)
     shade = 1.0 + t.per_block(block, 53, 0.10) + 0.05 * grain
-    clay = t.tint((0.47, 0.27, 0.17), shade)
+    clay = t.tint((0.52, 0.33, 0.22), shade)
     mortar = t.tint((0.40, 0.34, 0.27), 1.0 + 0.05 * grain)
     height = 0.005 * t.smoothstep(0.0, 0.012, edge) + t.per_block(block, 54, 0.0004) + 0.0005 * grain
     return np.where(joint[..., None] > 0.5, mortar, clay), height
@@ -164,7 +166,7 @@ def _wood() -> tuple[np.ndarray, np.ndarray]:
     gap = np.repeat(t.smoothstep(0.035, 0.01, np.minimum(rest, 1.0 - rest))[:, None], size, axis=1)
     fibre = t.noise(size, 61, 4, 250, 0.8, stretch=0.06)
     shade = 1.0 + t.per_block(board, 62, 0.10) + 0.16 * fibre - 0.6 * gap
-    return t.tint((0.23, 0.125, 0.065), np.clip(shade, 0.2, 2.0)), 0.0006 * fibre - 0.004 * gap
+    return t.tint((0.29, 0.165, 0.088), np.clip(shade, 0.2, 2.0)), 0.0006 * fibre - 0.004 * gap
 
 
 def _weave() -> tuple[np.ndarray, float]:

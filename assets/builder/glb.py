@@ -53,6 +53,7 @@ class SceneBuilder:
         }
         self._binary = bytearray()
         self._extensions: set[str] = set()
+        self._stored: dict[tuple, int] = {}
 
     def texture(self, name: str, encoded: bytes, mime: str) -> int:
         """Stores an encoded picture and returns the index of a repeating, filtered texture of it."""
@@ -231,29 +232,24 @@ class SceneBuilder:
 
     def _accessor(self, values: np.ndarray, bounds: bool = False) -> int:
         values = np.ascontiguousarray(values, dtype="<f4")
-        accessor = {
-            "bufferView": self._view(values.tobytes(), ARRAY_BUFFER),
-            "componentType": FLOAT,
-            "count": len(values),
-            "type": f"VEC{values.shape[1]}",
-        }
+        accessor = {"componentType": FLOAT, "count": len(values), "type": f"VEC{values.shape[1]}"}
         if bounds:
             accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        return self._append("accessors", accessor)
+        return self._stored_once(accessor, values.tobytes(), ARRAY_BUFFER)
 
     def _indices(self, triangles: np.ndarray) -> int:
         # 65535 itself is reserved (primitive restart).
         small = int(triangles.max()) < 65535
         values = np.ascontiguousarray(triangles.reshape(-1), dtype="<u2" if small else "<u4")
-        return self._append(
-            "accessors",
-            {
-                "bufferView": self._view(values.tobytes(), ELEMENT_ARRAY_BUFFER),
-                "componentType": USHORT if small else UINT,
-                "count": len(values),
-                "type": "SCALAR",
-            },
-        )
+        accessor = {"componentType": USHORT if small else UINT, "count": len(values), "type": "SCALAR"}
+        return self._stored_once(accessor, values.tobytes(), ELEMENT_ARRAY_BUFFER)
+
+    def _stored_once(self, accessor: dict, data: bytes, target: int) -> int:
+        """Adds an accessor, or finds the same one: one cloth in four colours is stored once."""
+        key = (data, accessor["type"], accessor["componentType"], "min" in accessor, target)
+        if key not in self._stored:
+            self._stored[key] = self._append("accessors", accessor | {"bufferView": self._view(data, target)})
+        return self._stored[key]
 
 
 def _rounded(values: Sequence[float] | np.ndarray, digits: int = 6) -> list[float]:

@@ -12,7 +12,7 @@ from .textures import noise, smoothstep
 
 SIZE = 2.1
 """Side of the square panel, metres."""
-MESH = 120
+MESH = 88
 """Cells of the mesh along a side; what is finer goes into the normal map."""
 DETAIL = 512
 """Texels of the normal map along a side."""
