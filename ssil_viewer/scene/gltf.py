@@ -8,6 +8,7 @@ something remains.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from ssil_viewer.scene.gltf_nodes import (
     read_cameras,
     read_lights,
 )
-from ssil_viewer.scene.model import Instance, Scene
+from ssil_viewer.scene.model import Instance, Material, Mesh, Scene
 from ssil_viewer.scene.transforms import made_invertible
 from ssil_viewer.scene.warning_list import WarningList
 
@@ -88,7 +89,7 @@ def _load(document: Document, name: str) -> Scene:
     _report_extensions(document)
     return Scene(
         name=name,
-        meshes=placed.meshes,
+        meshes=tuple(_without_spare_tangents(mesh, finished_materials) for mesh in placed.meshes),
         instances=placed.instances,
         materials=finished_materials,
         images=images,
@@ -128,6 +129,14 @@ def _read_instances(document: Document, nodes: list[PlacedNode], meshes: MeshRea
         for name, mesh, transform, shown in zip(names, meshes_placed, solid, visible, strict=True)
         if shown
     ]
+
+
+def _without_spare_tangents(mesh: Mesh, materials: tuple[Material, ...]) -> Mesh:
+    """The mesh without the tangents for normal maps that turned out to be unreadable."""
+    if all(p.tangents is None or materials[p.material].normal_texture is not None for p in mesh.primitives):
+        return mesh
+    primitives = (p if materials[p.material].normal_texture else replace(p, tangents=None) for p in mesh.primitives)
+    return replace(mesh, primitives=tuple(primitives))
 
 
 def _animation_names(document: Document) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ _SHAPES = {
     "MAT4": (4, 4),
 }
 
-MAX_IMPLIED_ELEMENTS = 1 << 24
-"""Elements of an accessor without a buffer view, which no file size bounds: 16 million zeros."""
+MAX_IMPLIED_ELEMENTS = 1 << 22
+"""Elements of an accessor without a buffer view, which no file size bounds: 4 million zeros."""
 
 
 def read_accessor(document: Document, index: int | None, types: tuple[str, ...]) -> np.ndarray:
@@ -73,9 +73,14 @@ def _decode(document: Document, entry: dict, kind: str, label: str) -> np.ndarra
         values = np.zeros((count, width), dtype=component)
     if "sparse" in entry:
         values = _with_sparse(document, object_at(entry, "sparse"), values, component, kind, label)
-    if entry.get("normalized") is True and component.kind in "iu":
-        values = np.maximum(values.astype(np.float32) / np.float32(np.iinfo(component).max), np.float32(-1.0))
-    return values
+    return normalized(values) if entry.get("normalized") is True else values
+
+
+def normalized(values: np.ndarray) -> np.ndarray:
+    """Integers as float32 fractions of their type's range: unsigned in [0, 1], signed in [-1, 1]."""
+    if values.dtype.kind not in "iu":
+        return values
+    return np.maximum(values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max), np.float32(-1.0))
 
 
 def _component(entry: dict, label: str) -> np.dtype:

@@ -123,7 +123,7 @@ class MaterialReader:
         emission = vector_at(entry, "emissiveFactor", (0.0, 0.0, 0.0))
         material = Material(
             name=name,
-            base_color=vector_at(pbr, "baseColorFactor", (1.0, 1.0, 1.0, 1.0)),
+            base_color=_color(pbr, "baseColorFactor"),
             base_color_texture=self._texture(pbr, "baseColorTexture", name),
             metallic=_unit_range(number_at(pbr, "metallicFactor", 1.0)),
             roughness=_unit_range(number_at(pbr, "roughnessFactor", 1.0)),
@@ -171,7 +171,7 @@ class MaterialReader:
                 self._warnings.add("specularGlossinessTexture is not supported", material.name)
             material = replace(
                 material,
-                base_color=vector_at(glossiness, "diffuseFactor", (1.0, 1.0, 1.0, 1.0)),
+                base_color=_color(glossiness, "diffuseFactor"),
                 base_color_texture=self._texture(glossiness, "diffuseTexture", material.name),
                 metallic=0.0,
                 roughness=1.0 - _unit_range(number_at(glossiness, "glossinessFactor", 1.0)),
@@ -271,6 +271,12 @@ def _with_images(material: Material, places: dict[int, int], broken: set[int]) -
         else:
             changes[slot] = replace(ref, image=places[ref.image])
     return replace(material, **changes)
+
+
+def _color(owner: dict, key: str) -> tuple[float, float, float, float]:
+    """An RGBA factor, white when absent; more than 1 would reflect more light than there is."""
+    red, green, blue, alpha = vector_at(owner, key, (1.0, 1.0, 1.0, 1.0))
+    return _unit_range(red), _unit_range(green), _unit_range(blue), _unit_range(alpha)
 
 
 def _unit_range(value: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.files import Malformed
 from ssil_viewer.scene.geometry import VertexArrays, build_primitive
-from ssil_viewer.scene.gltf_accessors import read_accessor
+from ssil_viewer.scene.gltf_accessors import normalized, read_accessor
 from ssil_viewer.scene.gltf_deform import (
     MAX_INFLUENCE_SETS,
     apply_morph_targets,
@@ -214,7 +214,12 @@ class MeshReader:
             return None
         plain = "bufferView" in self._document.entry("accessors", index_at(object_at(entry, "attributes"), "POSITION"))
         try:
-            return decode_draco(self._document, draco)
+            attributes, order = decode_draco(self._document, draco)
+            for key, values in attributes.items():
+                accessor = self._document.entry("accessors", index_at(object_at(entry, "attributes"), key))
+                if accessor.get("normalized") is True:
+                    attributes[key] = normalized(values)
+            return attributes, order
         except ImportError as error:
             if not plain:
                 raise UserError(

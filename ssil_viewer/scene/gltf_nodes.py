@@ -26,6 +26,12 @@ ORTHOGRAPHIC_FOV = math.radians(10.0)
 parallel stay nearly so, and large enough for the depth buffer."""
 
 
+MIN_CONE = math.radians(0.1)
+"""The narrowest spot light in radians; the penumbra is at least half as wide, so that no division is by zero."""
+
+MAX_INSTANCES = 1_000_000
+"""Instances that one node may ask for; a few bytes of a file can claim any number."""
+
 _TRANSFORM_KEYS = {"matrix", "translation", "rotation", "scale"}
 
 
@@ -194,6 +200,8 @@ def instance_transforms(document: Document, node: PlacedNode) -> np.ndarray:
     if len(counts) != 1:
         raise Malformed("the instance attributes are absent or differ in length")
     count = counts.pop()
+    if count > MAX_INSTANCES:
+        raise Malformed(f"{count} instances are too many")
     locals_ = compose(
         arrays.get("TRANSLATION", np.zeros((count, 3))),
         arrays.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
@@ -292,8 +300,10 @@ def _light(document: Document, node: PlacedNode, index: int | None) -> Light:
     outer = number_at(spot, "outerConeAngle", math.pi / 4.0)
     if intensity < 0.0 or min(color) < 0.0 or reach <= 0.0:
         raise Malformed("its intensity, colour or range is negative")
-    if kind == "spot" and not 0.0 <= inner < outer <= math.pi / 2.0 + 1e-6:
-        raise Malformed("its cone angles are out of range")
+    if kind == "spot" and not 0.0 <= inner <= outer <= math.pi / 2.0 + 1e-6:
+        document.warnings.add("cone angles out of range were clamped", text_at(node.json, "name") or f"light {index}")
+    outer = min(max(outer, MIN_CONE), math.pi / 2.0)
+    inner = min(max(inner, 0.0), outer - MIN_CONE / 2.0)  # exporters write equal angles for a hard edge
     return Light(
         kind=kind,
         name=text_at(node.json, "name") or text_at(entry, "name") or f"light {index}",
@@ -303,5 +313,5 @@ def _light(document: Document, node: PlacedNode, index: int | None) -> Light:
         direction=(0.0, -1.0, 0.0) if kind == "point" else tuple((-_axis(node.world_from_node, 2)).tolist()),
         range=reach,
         inner_cone=inner,
-        outer_cone=min(outer, math.pi / 2.0),
+        outer_cone=outer,
     )

@@ -8,6 +8,7 @@ import warnings as python_warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from PIL import Image as PillowImage
@@ -22,6 +23,9 @@ MAX_PIXELS = 64 * 1024 * 1024
 MAX_SIDE = 8192
 """Longer sides are scaled down: the least that OpenGL 4.1 hardware guarantees is 16384, 3.3 has 1024, and
 integrated GPUs in use today stop at 8192 or 16384."""
+
+MAX_TOTAL_PIXELS = 1 << 30
+"""All pictures of a scene are scaled down until they keep to this: 4 GiB as RGBA8."""
 
 # The formats that scene files use. Pillow would also open EPS, which starts an interpreter.
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF", "PPM", "DDS")
@@ -49,14 +53,11 @@ class Picture:
     read: Callable[[], bytes]
 
 
-def decode_rgba(data: bytes, name: str, warnings: WarningList) -> np.ndarray:
-    """Decodes a picture.
-
-    Returns:
-        (H, W, 4) uint8, C-contiguous, row 0 = top, straight alpha. 16-bit channels are rounded to 8.
+def open_picture(data: bytes) -> PillowImage.Image:
+    """Reads the header of an encoded picture.
 
     Raises:
-        Malformed: Not a picture, of an unsupported kind, broken, or larger than `MAX_PIXELS`.
+        Malformed: Not a picture, of an unsupported kind, or larger than `MAX_PIXELS`.
     """
     for magic, problem in _FOREIGN:
         if data[:64].lstrip().startswith(magic):
@@ -64,38 +65,43 @@ def decode_rgba(data: bytes, name: str, warnings: WarningList) -> np.ndarray:
     if not data:
         raise Malformed("it is empty")
     try:
-        return rgba_pixels(PillowImage.open(io.BytesIO(data), formats=_FORMATS), name, warnings)
+        picture = PillowImage.open(io.BytesIO(data), formats=_FORMATS)
     except PillowImage.DecompressionBombError as error:
         raise Malformed("its pixels are too many") from error
     except PillowImage.UnidentifiedImageError as error:
         raise Malformed("it is not a picture of a known format") from error
-    except Malformed:
-        raise
     except Exception as error:  # Pillow's readers raise whatever a broken file provokes
         raise Malformed(f"it is broken ({error})") from error
-
-
-def rgba_pixels(picture: PillowImage.Image, name: str, warnings: WarningList) -> np.ndarray:
-    """The pixels of an opened picture as `decode_rgba` returns them.
-
-    Raises:
-        Malformed: The picture is broken or larger than `MAX_PIXELS`.
-    """
     width, height = picture.size
     if width * height > MAX_PIXELS:
         raise Malformed(f"{width} x {height} pixels are too many")
+    return picture
+
+
+def rgba_pixels(picture: PillowImage.Image, max_side: int = MAX_SIDE) -> np.ndarray:
+    """Decodes an opened picture, and scales it down where it is larger than `max_side`.
+
+    Returns:
+        (H, W, 4) uint8, C-contiguous, row 0 = top, straight alpha. 16-bit channels are rounded to 8.
+
+    Raises:
+        Malformed: The picture is broken.
+    """
     try:
-        picture = _to_rgba(picture)
-        if max(width, height) > MAX_SIDE:
-            warnings.add(f"textures are scaled down to at most {MAX_SIDE} pixels", name)
-            scale = MAX_SIDE / max(width, height)
-            small = (max(1, round(width * scale)), max(1, round(height * scale)))
-            picture = picture.resize(small, PillowImage.Resampling.BOX)
-        return np.array(picture, dtype=np.uint8, order="C")
+        decoded = _to_rgba(picture)
+        if max(decoded.size) > max_side:
+            decoded = decoded.resize(_fitting(decoded.size, max_side), PillowImage.Resampling.BOX)
+        return np.array(decoded, dtype=np.uint8, order="C")
     except MemoryError as error:
         raise Malformed("there is not enough memory for it") from error
     except Exception as error:  # Pillow's decoders raise whatever a broken file provokes
         raise Malformed(f"it is broken ({error})") from error
+
+
+def _fitting(size: tuple[int, int], max_side: int) -> tuple[int, int]:
+    """The size in proportion whose longer side is at most `max_side`."""
+    scale = min(1.0, max_side / max(size))
+    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 
 def _to_rgba(picture: PillowImage.Image) -> PillowImage.Image:
@@ -118,26 +124,48 @@ def decode_all(pictures: Sequence[Picture], warnings: WarningList) -> list[Image
     Returns:
         For each picture the image, or None where it could not be read; a warning then says why.
     """
-
-    def attempt(picture: Picture) -> tuple[Image | None, str, WarningList]:
-        notes = WarningList()
-        try:
-            return Image(picture.name, decode_rgba(picture.read(), picture.name, notes)), "", notes
-        except Malformed as error:
-            return None, str(error), notes
-
     if not pictures:
         return []
     workers = min(len(pictures), max(2, os.cpu_count() or 2), 8)
     with python_warnings.catch_warnings():
         python_warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is reported here
         with ThreadPoolExecutor(workers, thread_name_prefix="decode") as pool:
-            results = list(pool.map(attempt, pictures))
-    for picture, (image, problem, notes) in zip(pictures, results, strict=True):
-        warnings.extend(notes)
-        if image is None:
-            warnings.add("a texture cannot be read and is replaced", f"{picture.name}: {problem}")
-    return [image for image, _, _ in results]
+            opened = list(pool.map(_or_problem(lambda picture: open_picture(picture.read())), pictures))
+            sizes = [picture.size for picture in opened if not isinstance(picture, Malformed)]
+            max_side = _side_limit(sizes)
+            results = list(pool.map(_or_problem(lambda picture: rgba_pixels(picture, max_side)), opened))
+    images: list[Image | None] = []
+    for picture, header, result in zip(pictures, opened, results, strict=True):
+        if isinstance(result, Malformed):
+            warnings.add("a texture cannot be read and is replaced", f"{picture.name}: {result}")
+            images.append(None)
+            continue
+        if max(header.size) > max_side:
+            warnings.add(f"textures were scaled down to at most {max_side} pixels", picture.name)
+        images.append(Image(picture.name, result))
+    return images
+
+
+def _or_problem(function: Callable) -> Callable:
+    """The function with `Malformed` returned instead of raised, and passed through when it is the argument."""
+
+    def attempt(argument: Any) -> Any:
+        if isinstance(argument, Malformed):
+            return argument
+        try:
+            return function(argument)
+        except Malformed as problem:
+            return problem
+
+    return attempt
+
+
+def _side_limit(sizes: Sequence[tuple[int, int]]) -> int:
+    """The largest side, halved from `MAX_SIDE` until all pictures together keep to `MAX_TOTAL_PIXELS`."""
+    limit = MAX_SIDE
+    while limit > 1 and sum(w * h for w, h in (_fitting(size, limit) for size in sizes)) > MAX_TOTAL_PIXELS:
+        limit //= 2
+    return limit
 
 
 def checker(name: str) -> Image:

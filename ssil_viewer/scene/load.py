@@ -40,7 +40,7 @@ def load_scene(source: str | Path) -> Scene:
         UserError: The file is missing, of an unknown kind, broken, or without geometry.
     """
     name = str(source)
-    path = _builtin_path(name) if name.startswith(BUILTIN_PREFIX) else Path(source).expanduser()
+    path = _builtin_path(name) if name.startswith(BUILTIN_PREFIX) else Path(source)
     # Broken files hold infinities; they are looked for explicitly, so numpy need not remark on them.
     with np.errstate(all="ignore"):
         try:

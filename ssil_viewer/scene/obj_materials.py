@@ -244,7 +244,7 @@ class MtlConverter:
         ior = source.number("ni", 1.5)
         material = Material(
             name=source.name,
-            base_color=(*diffuse, self._alpha(source)),
+            base_color=(*(min(value, 1.0) for value in diffuse), self._alpha(source)),
             metallic=min(max(source.number("pm", 0.0), 0.0), 1.0),
             roughness=min(max(source.number("pr", (2.0 / (exponent + 2.0)) ** 0.25), 0.0), 1.0),
             emission=source.color("ke") or (0.0, 0.0, 0.0),
@@ -254,7 +254,9 @@ class MtlConverter:
         )
         if model in (3, 5) and max(specular) > 0.0 and not any(source.color("kd") or ()):
             # A mirror: what little there is in this format to say "metal".
-            material = replace(material, metallic=1.0, base_color=(*specular, material.base_color[3]))
+            material = replace(
+                material, metallic=1.0, base_color=(*(min(value, 1.0) for value in specular), material.base_color[3])
+            )
         if material.base_color[3] < 1.0:
             self._warnings.add("alpha blending is drawn as a cut-out at half opacity", source.name)
             material = replace(material, alpha_mode="blend")

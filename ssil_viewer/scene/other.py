@@ -14,7 +14,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.scene.colors import srgb_to_linear
 from ssil_viewer.scene.files import Malformed
 from ssil_viewer.scene.geometry import VertexArrays, build_primitive
-from ssil_viewer.scene.images import rgba_pixels
+from ssil_viewer.scene.images import MAX_PIXELS, rgba_pixels
 from ssil_viewer.scene.model import Image, Instance, Material, Mesh, Scene, TextureRef
 from ssil_viewer.scene.transforms import made_invertible, origin_near
 from ssil_viewer.scene.warning_list import WarningList
@@ -179,7 +179,9 @@ class _Converter:
         if picture is None:
             return material
         try:
-            pixels = rgba_pixels(picture, material.name, self.warnings)
+            if picture.width * picture.height > MAX_PIXELS:
+                raise Malformed(f"{picture.width} x {picture.height} pixels are too many")
+            pixels = rgba_pixels(picture)
         except Malformed as problem:
             self.warnings.add("a texture cannot be read and is left out", f"{material.name}: {problem}")
             return material

@@ -441,7 +441,26 @@ def test_very_long_pictures_are_scaled_down(tmp_path):
     builder.node(mesh=builder.mesh(builder.primitive(material=material)))
     scene = outcome(builder.write(tmp_path))
     assert scene.images[0].pixels.shape == (2, 8192, 4) and np.all(scene.images[0].pixels[..., :3] == 80)
-    assert "8192" in scene.warnings[0]
+    assert "at most 8192" in scene.warnings[0]
+
+
+def test_many_pictures_share_a_budget(tmp_path, monkeypatch):
+    monkeypatch.setattr("ssil_viewer.scene.images.MAX_TOTAL_PIXELS", 4 * 64 * 64)
+    builder = GltfBuilder()
+    primitive = builder.primitive()
+    shades = [builder.texture(np.full((256, 128, 3), shade, np.uint8)) for shade in (1, 2, 3, 4)]
+    materials = [builder.material(pbrMetallicRoughness={"baseColorTexture": {"index": shade}}) for shade in shades]
+    builder.node(mesh=builder.mesh(*({**primitive, "material": m} for m in materials)))
+    scene = outcome(builder.write(tmp_path))
+    assert [image.pixels.shape for image in scene.images] == [(64, 32, 4)] * 4
+    assert "at most 64" in scene.warnings[0]
+
+
+def test_broken_normal_map_leaves_no_tangents(tmp_path):
+    builder = GltfBuilder()
+    material = builder.material(normalTexture={"index": builder.texture(b"garbage")})
+    builder.node(mesh=builder.mesh(builder.primitive(material=material)))
+    assert isinstance(outcome(builder.write(tmp_path)), Scene)
 
 
 # -- OBJ -----------------------------------------------------------------------------------------------------------

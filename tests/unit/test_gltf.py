@@ -636,3 +636,14 @@ def test_draco_without_its_package(tmp_path, monkeypatch):
         load(draco_scene(b"", fallback=False), tmp_path)
     scene = load(draco_scene(b"", fallback=True), tmp_path)
     assert scene.triangle_count == 2 and "DracoPy" in warnings(scene)[0]
+
+
+def test_equal_cone_angles_are_a_hard_edge(tmp_path):
+    builder = quad_scene()
+    lights = [{"type": "spot", "spot": {"innerConeAngle": 0.5, "outerConeAngle": 0.5}}]
+    builder.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    builder.node(extensions={"KHR_lights_punctual": {"light": 0}})
+    scene = load(builder, tmp_path)
+    (spot,) = scene.lights
+    assert 0.49 < spot.inner_cone < spot.outer_cone == 0.5
+    assert warnings(scene) == []
