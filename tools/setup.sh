@@ -92,6 +92,6 @@ if ! .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info <
     "$python" -m venv --clear .venv
 fi
 say "installing the project and its dependencies into .venv"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[draco,test,dev]'
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[draco,formats,test,dev]'
 rm -f .venv/.ready-*
 echo "$state" >"$stamp"
