@@ -151,7 +151,7 @@ class Renderer:
 
     def set_scene(self, scene: Scene) -> None:
         """Upload a scene and take its lights. On an error the old scene stays."""
-        fresh = GpuScene(self.context, scene)
+        fresh = GpuScene(self.context, scene, self.capabilities.software)
         if self._gpu_scene is not None:
             self._gpu_scene.release()
         self._gpu_scene = fresh

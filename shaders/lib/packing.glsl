@@ -55,13 +55,28 @@ Surface decode_surface(uvec2 bits) {
 
 // Light that arrives at a point, independent of the normal there. lib/lobe.glsl gives it a meaning.
 // direction: mean direction of arrival in view space, shorter than 1 the more the light spreads.
+// back: light on the other side of the surface, relative to flux.
 struct Lobe {
     vec3 flux;
     vec3 direction;
+    float back;
 };
 
-uvec2 encode_lobe(Lobe lobe) { return uvec2(encode_rgb9e5(lobe.flux), encode_snorm10(lobe.direction)); }
-Lobe decode_lobe(uvec2 bits) { return Lobe(decode_rgb9e5(bits.x), decode_snorm10(bits.y)); }
+// Direction in 8 bits per component, back / (1 + back) in the last 8: 0 and the ratios around 1 are exact enough.
+vec3 quantize_lobe_direction(vec3 direction) { return floor(clamp(direction, -1.0, 1.0) * 127.0 + 0.5) / 127.0; }
+
+uvec2 encode_lobe(Lobe lobe) {
+    ivec3 d = ivec3(floor(clamp(lobe.direction, -1.0, 1.0) * 127.0 + 0.5)) & 255;
+    uint back = uint(clamp(lobe.back / (1.0 + lobe.back), 0.0, 1.0) * 255.0 + 0.5);
+    return uvec2(encode_rgb9e5(lobe.flux), uint(d.x | (d.y << 8) | (d.z << 16)) | (back << 24));
+}
+
+Lobe decode_lobe(uvec2 bits) {
+    int d = int(bits.y);
+    vec3 direction = vec3(ivec3(d << 24, d << 16, d << 8) >> 24) * (1.0 / 127.0);
+    float back = float(bits.y >> 24) * (1.0 / 255.0);
+    return Lobe(decode_rgb9e5(bits.x), direction, back / max(1.0 - back, 1.0 / 255.0));
+}
 
 // Reflectance in 8 bits: the square root spends the codes where the eye needs them, and 0.0019 is not 0.
 vec4 encode_reflectance(vec4 value) { return vec4(sqrt(clamp(value.rgb, 0.0, 1.0)), value.a); }

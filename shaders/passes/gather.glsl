@@ -15,7 +15,7 @@ const float PI = 3.141592653589793;
 #define W texels
 #endif
 void shade(ivec2 px) {
-    out_gather = Lobe(vec3(0.0), vec3(0.0));
+    out_gather = Lobe(vec3(0.0), vec3(0.0), 0.0);
     Surface receiver = load_surface(px);
     if (receiver.view_depth <= 0.0) return;
     ivec2 size = size_surface();
@@ -28,7 +28,7 @@ void shade(ivec2 px) {
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
     vec2 direction = direction_from_turn(jitter.x);
     vec2 center = vec2(px) + 0.5;
-    vec3 sum = vec3(0.0), directions = vec3(0.0);
+    vec3 sum = vec3(0.0), back = vec3(0.0), directions = vec3(0.0);
     float weights = 0.0;
     float radius_step = (frame.radius - inner_radius) / float(frame.samples);
     float radius = inner_radius + jitter.y * radius_step;
@@ -45,7 +45,7 @@ void shade(ivec2 px) {
         float distance_squared = dot(v, v);
         float receiver_cos = dot(receiver.normal, v);       // both times the distance
         float sender_cos = -dot(sender.normal, v);
-        if (sender.view_depth <= 0.0 || receiver_cos <= 0.0 || sender_cos <= 0.0) continue;
+        if (sender.view_depth <= 0.0 || sender_cos <= 0.0) continue;
         // dA = area z^3 / |n . Q|: surface area behind the sample's pixels. A surface seen at a grazing angle
         // would count for infinitely much: its cosine is held above 1 %.
         float facing = max(-dot(sender.normal, q), 0.01 * length(q));
@@ -59,9 +59,13 @@ void shade(ivec2 px) {
 #endif
         vec3 radiance = load_radiance(at) * factor;
         float weight = radiance.r + radiance.g + radiance.b;
-        sum += radiance * (receiver_cos * inverse_distance);
-        directions += v * (inverse_distance * weight);
-        weights += weight;
+        if (receiver_cos > 0.0) {
+            sum += radiance * (receiver_cos * inverse_distance);
+            directions += v * (inverse_distance * weight);
+            weights += weight;
+        } else {
+            back -= radiance * (receiver_cos * inverse_distance);
+        }
     }
-    out_gather = make_lobe(sum * PI, directions, weights, receiver.normal);
+    out_gather = make_lobe(sum * PI, back * PI, weights > 0.0 ? directions / weights : receiver.normal * 0.66, receiver.normal);
 }

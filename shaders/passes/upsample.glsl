@@ -6,6 +6,7 @@
 
 // Distance to the plane at which a tap's weight is halved, relative to the view depth.
 const float PLANE_TOLERANCE = 0.01;
+const float THRESH = 0.01;
 
 float agreement(Surface receiver, vec3 p, Surface tap, vec2 tap_ray) {
     float facing = max(dot(receiver.normal, tap.normal), 0.0);
@@ -16,16 +17,34 @@ float agreement(Surface receiver, vec3 p, Surface tap, vec2 tap_ray) {
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
 }
 
+// Sums over lobes, evaluated for the receiver at hand.
+struct Sum {
+    vec3 irradiance;
+    vec3 back;
+    vec3 direction;     // times flux
+    float flux;
+};
+
+void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight) {
+    float flux = lobe_weight(lobe.flux) * weight;
+    sum.irradiance += lobe_irradiance(lobe, lobe_normal, normal) * weight;
+    sum.back += lobe.flux * (lobe.back * weight);
+    sum.direction += lobe.direction * flux;
+    sum.flux += flux;
+}
+
 #ifdef HAS_GATHER
 // The gather's rotations repeat every 4 texels: this window sees each of the 16 once, whatever its phase.
-Lobe denoised(ivec2 px, Surface receiver, vec3 p) {
+Sum denoised(ivec2 px, Surface receiver, vec3 p) {
 #if UPSAMPLING == 1
-    return lobe_moments(load_gather(px));
+    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
+    return sum;
 #else
     const float KERNEL[5] = float[5](0.5, 1.0, 1.0, 1.0, 0.5);
     ivec2 last = size_gather() - 1;
     vec2 scale = frame.ray_scale * texel;
-    Lobe sum = Lobe(vec3(0.0), vec3(0.0));
+    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float total = 0.0;
     for (int y = -2; y <= 2; ++y)
         for (int x = -2; x <= 2; ++x) {
@@ -33,54 +52,61 @@ Lobe denoised(ivec2 px, Surface receiver, vec3 p) {
             Surface tap = load_surface(at);
             float weight = KERNEL[x + 2] * KERNEL[y + 2]
                          * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
-            Lobe light = lobe_moments(load_gather(at));
-            sum.flux += light.flux * weight;
-            sum.direction += light.direction * weight;
+            add(sum, load_gather(at), tap.normal, receiver.normal, weight);
             total += weight;
         }
-    if (total < 1e-4) return lobe_moments(load_gather(px));
-    return Lobe(sum.flux / total, sum.direction / total);
+    float scale_back = 1.0 / max(total, 1e-6);
+    return Sum(sum.irradiance * scale_back, sum.back * scale_back, sum.direction * scale_back, sum.flux * scale_back);
 #endif
 }
 #endif
 
 #ifdef HAS_COARSE
-Lobe from_coarser(ivec2 px, Surface receiver, vec3 p) {
+Sum from_coarser(ivec2 px, Surface receiver, vec3 p) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
-    return lobe_moments(load_coarse(min(px / 2, last)));
+    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    ivec2 at = min(px / 2, last);
+    add(sum, load_coarse(at), load_coarse_surface(at).normal, receiver.normal, 1.0);
+    return sum;
 #else
     vec2 scale = frame.ray_scale * (texel * 2.0);
     // The four coarse texels around the pixel: its own counts 3/4, its neighbour 1/4, along each axis.
     ivec2 own = px / 2;
     ivec2 next = own + (px & 1) * 2 - 1;
-    Lobe sum = Lobe(vec3(0.0), vec3(0.0)), nearest = sum;
+    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    Lobe nearest = Lobe(vec3(0.0), vec3(0.0), 0.0);
+    vec3 nearest_normal = receiver.normal;
     float total = 0.0, closest = 1e30;
     for (int i = 0; i < 4; ++i) {
         ivec2 at = clamp(ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y), ivec2(0), last);
         Surface tap = load_coarse_surface(at);
-        Lobe light = lobe_moments(load_coarse(at));
+        Lobe light = load_coarse(at);
         float kernel = ((i & 1) == 0 ? 0.75 : 0.25) * ((i & 2) == 0 ? 0.75 : 0.25);
         float weight = kernel * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
-        sum.flux += light.flux * weight;
-        sum.direction += light.direction * weight;
+        add(sum, light, tap.normal, receiver.normal, weight);
         total += weight;
         float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
         if (apart < closest) {
             closest = apart;
             nearest = light;
+            nearest_normal = tap.normal;
         }
     }
     // Nobody agrees: thin things whose surface no coarse texel kept. The neighbour nearest in depth is
     // wrong by less than black or a halo would be.
-    if (total < 1e-4) return nearest;
-    return Lobe(sum.flux / total, sum.direction / total);
+    if (total < THRESH) {
+        add(sum, nearest, nearest_normal, receiver.normal, THRESH - total);
+        total = THRESH;
+    }
+    float scale_back = 1.0 / total;
+    return Sum(sum.irradiance * scale_back, sum.back * scale_back, sum.direction * scale_back, sum.flux * scale_back);
 #endif
 }
 #endif
 
 void shade(ivec2 px) {
-    Lobe light = Lobe(vec3(0.0), vec3(0.0));
+    Sum light = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     Surface receiver = load_surface(px);
     if (receiver.view_depth > 0.0) {
         vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin),
@@ -89,19 +115,21 @@ void shade(ivec2 px) {
         light = denoised(px, receiver, p);
 #endif
 #ifdef HAS_COARSE
-        Lobe coarse = from_coarser(px, receiver, p);
-        light.flux += coarse.flux;
+        Sum coarse = from_coarser(px, receiver, p);
+        light.irradiance += coarse.irradiance;
+        light.back += coarse.back;
         light.direction += coarse.direction;
+        light.flux += coarse.flux;
 #endif
     }
-    light = lobe_from_moments(light);
 #ifdef IMAGE_LEVEL
-    vec3 irradiance = light.flux * lobe_response(light.direction, receiver.normal);
+    vec3 irradiance = light.irradiance;
 #ifdef HAS_ALBEDO
     irradiance *= load_albedo(px).a;    // the material's occlusion map: indirect light only (glTF 2.0, 3.9.3)
 #endif
     out_upsample = irradiance;
 #else
-    out_light = light;
+    vec3 direction = light.flux > 0.0 ? light.direction / light.flux : receiver.normal * 0.66;
+    out_light = make_lobe(light.irradiance, light.back, direction, receiver.normal);
 #endif
 }

@@ -66,7 +66,7 @@ class GpuScene:
         has_occlusion_maps: Some material darkens indirect light.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene) -> None:
+    def __init__(self, context: moderngl.Context, scene: Scene, software: bool = False) -> None:
         self._context = context
         low, high = scene.bounds()
         self.origin = (low + high) / 2
@@ -75,7 +75,7 @@ class GpuScene:
         self.arrays: list[moderngl.TextureArray] = []
         # (image, srgb) -> (array, layer)
         self._places: dict[tuple[int, bool], tuple[int, int]] = {}
-        self._upload_images(scene)
+        self._upload_images(scene, software)
         self.materials = self._material_table(scene.materials)
         self._transforms = np.zeros((max(len(scene.instances), 1), OBJECT_TEXELS, 4), np.float32)
         for index, instance in enumerate(scene.instances):
@@ -92,7 +92,7 @@ class GpuScene:
 
     # -- textures and materials --------------------------------------------------------------------------------
 
-    def _upload_images(self, scene: Scene) -> None:
+    def _upload_images(self, scene: Scene, software: bool) -> None:
         uses = {(ref.image, slot in _SRGB_SLOTS) for m in scene.materials for slot in SLOTS
                 if (ref := getattr(m, f"{slot}_texture")) is not None}
         by_shape: dict[tuple[tuple[int, int], bool], list[int]] = {}
@@ -107,7 +107,7 @@ class GpuScene:
                 for layer, image in enumerate(chunk):
                     self._places[image, srgb] = (len(self.arrays), layer)
                 array = gl.texture_array([scene.images[i].pixels for i in chunk], srgb)
-                array.anisotropy = min(8.0, self._context.max_anisotropy)
+                array.anisotropy = 1.0 if software else min(8.0, self._context.max_anisotropy)
                 self.arrays.append(array)
 
     def _place(self, material: Material, slot: str) -> tuple[int, int] | None:
