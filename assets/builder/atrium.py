@@ -37,7 +37,7 @@ PEDESTAL = 0.83
 UPPER_SPRING = 7.25
 ROOF_SLOPE = 0.2328
 """Drop per metre, that of the slab under the tiles."""
-SUN = 15.0
+SUN = 14.0
 """Irradiance of the sun, W m^-2: sunlit stone has a radiance of about 2."""
 
 
@@ -84,11 +84,11 @@ def build() -> SceneBuilder:
     _roof(scene, p)
     _furnish(scene, p)
     _relief(scene, p, relief_surface)
-    scene.light("sun", "directional", SUN, (1.0, 0.94, 0.84), direction=(0.50, -1.0, 0.28))
+    scene.light("sun", "directional", SUN, (1.0, 0.94, 0.84), direction=(0.50, -1.0, 0.29))
     scene.camera("nave", (-9.0, 2.8, -1.1), (6.0, 3.0, 0.35), fov=54.0)
-    scene.camera("gallery", (-8.3, 6.6, 4.75), (3.0, 4.3, -1.6), fov=62.0)
-    scene.camera("hanging", (-1.2, 1.7, -0.6), (1.9, 1.45, 3.6), fov=50.0)
-    scene.camera("relief", (9.7, 1.75, -0.55), (12.9, 2.02, 0.05), fov=48.0)
+    scene.camera("gallery", (12.5, 6.6, -2.7), (3.0, 4.85, 2.0), fov=62.0)
+    scene.camera("hanging", (4.35, 1.6, 1.45), (1.75, 1.5, 3.5), fov=52.0)
+    scene.camera("relief", (5.2, 2.0, -0.45), (12.9, 1.75, 0.3), fov=42.0)
     return scene
 
 
@@ -292,9 +292,9 @@ def _furnish(scene: SceneBuilder, p: Palette) -> None:
         key = (kind, color)
         if key not in meshes:
             if kind == "banner":
-                parts = details.banner(p, color, 1.55, 2.45, seed=3)
+                parts = details.banner(p, color, 1.75, 2.45, seed=3)
             else:
-                parts = details.drawn_curtain(p, color, 2.05, 2.62, -1.0 if kind == "left" else 1.0, seed=4)
+                parts = details.drawn_curtain(p, color, 2.2, 2.62, -1.0 if kind == "left" else 1.0, seed=4)
             meshes[key] = scene.mesh(f"{kind} {color}", *parts)
         return meshes[key]
 
@@ -303,7 +303,7 @@ def _furnish(scene: SceneBuilder, p: Palette) -> None:
         for i, color in enumerate(order):
             kind = ("left", "banner", "right")[i % 3]
             x = (edges[i] + edges[i + 1]) / 2
-            scene.place(f"{side.name} hanging {i}", mesh(kind, color), side.at(x, SPRING - 0.02), side.turn)
+            scene.place(f"{side.name} hanging {i}", mesh(kind, color), side.at(x, SPRING - 0.02, -0.15), side.turn)
     shrub = [scene.mesh(f"shrub {i}", *details.bush(p, 80 + i)) for i in range(2)]
     rugs: dict[str, int] = {}
     for i, (side, bay, color) in enumerate(((NORTH, 1.5, "red"), (NORTH, -2.5, "blue"), (SOUTH, 0.5, "green"), (SOUTH, -1.5, "red"), (EAST, 0.0, "red"))):
@@ -311,7 +311,7 @@ def _furnish(scene: SceneBuilder, p: Palette) -> None:
             rugs[color] = scene.mesh(f"rug {color}", *details.rug(p, color, 0.86))
         scene.place(f"rug {i}", rugs[color], side.at((bay + 0.25) * BAY if side is not EAST else 0.7, UPPER + 0.79), side.turn)
     orange = scene.mesh("orange tree", *details.tree(p, 90))
-    for i, (x, z) in enumerate(((-5.6, -2.2), (0.0, -2.2), (5.6, -2.2), (-2.8, 2.2), (2.8, 2.2), (8.4, 2.2))):
+    for i, (x, z) in enumerate(((-5.6, -2.2), (-0.6, -2.25), (5.6, -2.2), (-4.2, 2.2), (-1.4, 2.25), (7.0, 2.2))):
         scene.place(f"shrub {i}", shrub[i % 2], (x, -0.2, z), turn=67.0 * i)
     for i, (x, z) in enumerate(((-8.5, 2.1), (8.6, -2.1))):
         scene.place(f"orange tree {i}", orange, (x, -0.2, z), turn=130.0 * i)

@@ -83,7 +83,7 @@ def palette(scene: SceneBuilder, relief_detail: np.ndarray, relief_size: float) 
         bricks=pair("bricks", *_bricks(), 1.2, roughness=0.85),
         wood=pair("wood", *_wood(), 1.0, roughness=0.8),
         terracotta=scene.material("terracotta", (0.58, 0.26, 0.14), 0.9, color_texture=mottle, tile=1.3),
-        tiles=scene.material("roof tiles", (0.44, 0.17, 0.085), 1.0, color_texture=mottle, tile=1.3),
+        tiles=scene.material("roof tiles", (0.36, 0.13, 0.065), 1.0, color_texture=mottle, tile=1.3),
         soil=scene.material("soil", (0.09, 0.06, 0.04), 1.0),
         leaves=scene.material(
             "leaves", roughness=0.8, color_texture=leaf, tile=None, mask=0.5, double_sided=True
@@ -139,7 +139,7 @@ def _pavement() -> tuple[np.ndarray, np.ndarray]:
     grain, stain = t.noise(size, 42, 10, 250, 0.7), t.noise(size, 43, 1, 9, 1.0)
     shade = 1.0 + 0.04 * grain + 0.04 * stain - 0.35 * joint
     alternate = (block // count + block % count) % 2
-    pale = np.where(alternate[..., None] == 0, (0.56, 0.51, 0.43), (0.47, 0.40, 0.32)) * shade[..., None]
+    pale = np.where(alternate[..., None] == 0, (0.53, 0.48, 0.40), (0.44, 0.375, 0.30)) * shade[..., None]
     dark = np.array((0.13, 0.11, 0.10)) * (shade + 0.5 * (shade - 1.0))[..., None]
     height = 0.004 * t.smoothstep(0.0, 0.010, edge) + 0.0003 * grain + 0.0008 * stain
     return np.where(inset[..., None], dark, pale), height
