@@ -37,7 +37,7 @@ def build() -> SceneBuilder:
     scene.place("cube", scene.mesh("cube", (stone, cube)), (0.75, 0.0, -1.35), turn=24.0)
     # From the front left, over the cube and past the arch: the cone ends within the right wall.
     scene.light(
-        "spot", "spot", 800.0, (1.0, 0.95, 0.85), position=(-2.0, 3.1, 3.5), direction=(5.0, -1.3, -5.5), cone=(9, 11.5)
+        "spot", "spot", 900.0, (1.0, 0.95, 0.85), position=(-2.0, 3.1, 3.5), direction=(5.0, -1.3, -5.5), cone=(6, 11.8)
     )
     scene.camera("front", (-0.15, 1.9, 4.6), (-0.15, 1.5, -2.5), fov=37.0)
     return scene

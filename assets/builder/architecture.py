@@ -45,12 +45,11 @@ def column(height: float, radius: float, segments: int, plinth: float, abacus: f
     collar.append((neck, shaft_high + 0.20 * r))
     plinth_slab = box((-plinth / 2, 0, -plinth / 2), (plinth / 2, foot, plinth / 2), skip="-y")
     half, bevel = abacus / 2, 0.10 * r
-    cushion = extrude(
-        [(-half + bevel, top), (half - bevel, top), (half, top + bevel), (half, height), (-half, height), (-half, top + bevel)],
-        abacus,
-    ).moved(z=-half)
-    shaft = lathe(base, segments, cap=False)
-    return merge(plinth_slab, shaft, lathe(collar, segments, cap=False), _bell(neck, top, bell, half, segments, rows), cushion)
+    outline = [(-half + bevel, top), (half - bevel, top), (half, top + bevel)]
+    outline += [(half, height), (-half, height), (-half, top + bevel)]
+    cushion = extrude(outline, abacus).moved(z=-half)
+    turned = merge(lathe(base, segments, cap=False), lathe(collar, segments, cap=False))
+    return merge(plinth_slab, turned, _bell(neck, top, bell, half, segments, rows), cushion)
 
 
 def _bell(neck: float, top: float, height: float, half: float, segments: int, rows: int) -> Surface:
@@ -68,9 +67,8 @@ def _bell(neck: float, top: float, height: float, half: float, segments: int, ro
         rib = 1.0 - 0.25 * (1.0 - np.clip(width, 0.0, 1.0) ** 8)
         leaf = np.maximum(leaf, (0.12 + 0.34 * out) * neck * outline * rib * (s > 0)[:, None])
     radius = open_[:, None] + leaf
-    points = np.stack(
-        [radius * np.sin(turn), np.repeat((top - height + height * t)[:, None], len(turn), 1), radius * np.cos(turn)], -1
-    )
+    level = np.repeat((top - height + height * t)[:, None], len(turn), 1)
+    points = np.stack([radius * np.sin(turn), level, radius * np.cos(turn)], -1)
     points[:, -1] = points[:, 0]
     uvs = np.stack(np.broadcast_arrays(turn[None] * neck, -(height * t)[:, None]), -1)
     return grid(points, uvs, wrap_columns=True)
@@ -115,7 +113,9 @@ def run(profile: Sequence[tuple[float, float]], length: float) -> Surface:
     return sweep(profile, origins, np.tile([0, 0, 1.0], (2, 1)), np.tile([0, 1.0, 0], (2, 1)), smooth=False)
 
 
-def arched_wall(width: float, radius: float, spring: float, top: float, thickness: float, segments: int = 24) -> Surface:
+def arched_wall(
+    width: float, radius: float, spring: float, top: float, thickness: float, segments: int = 24
+) -> Surface:
     """The wall over one arch, from the springing to `top`, centred on x = 0 and z = 0.
 
     Args:
@@ -145,14 +145,13 @@ def arched_wall(width: float, radius: float, spring: float, top: float, thicknes
     return merge(*parts)
 
 
-def archivolt(radius: float, spring: float, depth: float, band: float, segments: int = 24, foot: float = 0.0) -> Surface:
+def archivolt(radius: float, spring: float, depth: float, band: float, segments: int = 24) -> Surface:
     """The moulded ring of an arch, passing through the wall and standing out on both faces.
 
     Args:
         radius: Clear radius, metres.
         depth: Of the ring along the passage (thicker than the wall).
         band: Width of the ring.
-        foot: Both ends reach this far below the springing.
     """
     d = depth / 2
     # a: along the passage, b: away from the centre of the arch.
@@ -161,10 +160,6 @@ def archivolt(radius: float, spring: float, depth: float, band: float, segments:
     turn = np.linspace(0.0, np.pi, segments + 1)
     out = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], -1)
     origins = radius * out + [0.0, spring, 0.0]
-    if foot > 0.0:
-        drop = np.array([[0.0, -foot, 0.0]])
-        origins = np.concatenate([origins[:1] + drop, origins, origins[-1:] + drop])
-        out = np.concatenate([out[:1], out, out[-1:]])
     # cross(a, b) = cross(+Z, out) turns counter-clockwise, as the path does.
     return sweep(profile, origins, np.tile([0.0, 0.0, 1.0], (len(origins), 1)), out)
 

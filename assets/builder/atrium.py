@@ -120,8 +120,8 @@ def _lower_arcades(scene: SceneBuilder, p: Palette) -> None:
         wall = a.arched_wall(width, radius + 0.08, SPRING, 4.5, WALL)
         ring = a.archivolt(radius, SPRING, WALL + 0.10, 0.21)
         bays[width] = scene.mesh(f"lower bay {width}", (p.ashlar, wall), (p.trim, ring))
-    disc = [(0.20, -0.02), (0.20, 0.03), *a.arc(0.17, 0.035, 0.03, 0, 180, 4), (0.12, 0.02), *a.arc(0.0, -0.02, 0.09, 40, 90, 4)]
-    disc[-1] = (0.0, disc[-1][1])
+    disc = [(0.20, -0.02), (0.20, 0.03), *a.arc(0.17, 0.035, 0.03, 0, 180, 4), (0.12, 0.02)]
+    disc += [*a.arc(0.0, -0.02, 0.09, 40, 70, 3), (0.0, 0.07)]
     roundel = scene.mesh("roundel", (p.trim, lathe(disc, 16).turned("x", 90.0)))
     corner = scene.mesh("corner pier", (p.trim, a.square_pier(WALL, SPRING)), (p.ashlar, _corner_block()))
     for side in SIDES:
@@ -151,7 +151,10 @@ def _corner_block() -> Surface:
 
 def _galleries(scene: SceneBuilder, p: Palette) -> None:
     """Vaults, floors, outer walls, and what stands against them."""
-    vaults = {w: scene.mesh(f"vault {w}", (p.plaster, a.groin_vault(w, AISLE, SPRING, 1.25, 4.46))) for w in (BAY, 1.7, AISLE)}
+    vaults = {}
+    for width in (BAY, 1.7, AISLE):
+        vault = a.groin_vault(width, AISLE, SPRING, rise=AISLE / 2, top=4.46)
+        vaults[width] = scene.mesh(f"vault {width}", (p.plaster, vault))
     band = scene.mesh("rib", (p.trim, a.rib(1.25, SPRING, 0.36, 1.17, 1.33)))
     wide = scene.mesh("wide rib", (p.trim, a.rib(1.25, SPRING, WALL, 1.17, 1.9)))
     pilaster = scene.mesh("pilaster", (p.trim, a.square_pier(0.42, SPRING)))
@@ -179,7 +182,7 @@ def _galleries(scene: SceneBuilder, p: Palette) -> None:
     scene.place("upper floor", scene.mesh("upper floor", (p.bricks, upper)))
     skirt = [(-0.05, -0.05), (0.03, -0.05), (0.03, 0.20), (0.0, 0.22), (-0.05, 0.22)]
     course = [(-0.05, 2.60), (0.02, 2.60), (0.05, 2.66), (0.05, SPRING - 0.005), (-0.05, SPRING - 0.005)]
-    high = [(-0.05, UPPER - 0.05), (0.03, UPPER - 0.05), (0.03, UPPER + 0.20), (0.0, UPPER + 0.22), (-0.05, UPPER + 0.22)]
+    high = [(out, y + UPPER) for out, y in skirt]
     rings = merge(*[a.mitred_ring(profile, INNER_X, INNER_Z, inward=True) for profile in (skirt, course, high)])
     scene.place("wall mouldings", scene.mesh("wall mouldings", (p.trim, rings)))
     door = scene.mesh("door", *details.door(p))
@@ -196,12 +199,18 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
     thickness = 0.42
     post = box((-0.19, UPPER, -0.19), (0.19, UPPER + PEDESTAL, 0.19), skip="-y")
     foot = [(0.0, UPPER), (0.03, UPPER), (0.03, UPPER + 0.10), (0.0, UPPER + 0.12)]
-    cap = [(0.0, UPPER + 0.70), (0.035, UPPER + 0.74), (0.035, UPPER + PEDESTAL + 0.004), (0.0, UPPER + PEDESTAL + 0.004)]
+    lid = UPPER + PEDESTAL + 0.004
+    cap = [(0.0, UPPER + 0.70), (0.035, UPPER + 0.74), (0.035, lid), (0.0, lid)]
     pedestal = merge(post, a.mitred_ring(foot, 0.18, 0.18), a.mitred_ring(cap, 0.18, 0.18))
     shaft = a.column(UPPER_SPRING - UPPER - PEDESTAL, 0.125, 10, 0.37, 0.44, rows=7).moved(y=UPPER + PEDESTAL)
     column = scene.mesh("upper column", (p.trim, merge(pedestal, shaft)))
     corner = box((-0.3, UPPER - 0.02, -0.3), (0.3, 8.75, 0.3), skip="-y")
     corner_pier = scene.mesh("upper corner pier", (p.ashlar, corner))
+
+    rails_profile = (
+        [(-0.13, 0.004), (0.13, 0.004), (0.13, 0.09), (-0.13, 0.09)],
+        [(-0.10, 0.67), (0.10, 0.67), (0.14, 0.71), (0.14, 0.79), (-0.14, 0.79), (-0.14, 0.71)],
+    )
 
     def bay(width: float, arches: int) -> int:
         step = width / arches
@@ -212,9 +221,7 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
             walls.append(a.arched_wall(step, radius + 0.06, UPPER_SPRING, 8.7, thickness, 14).moved(x=x))
             rings.append(a.archivolt(radius, UPPER_SPRING, thickness + 0.08, 0.15, 14).moved(x=x))
             clear = step - 0.38
-            rings.append(a.run([(-0.13, UPPER + 0.004), (0.13, UPPER + 0.004), (0.13, UPPER + 0.09), (-0.13, UPPER + 0.09)], clear).moved(x=x))
-            rail = [(-0.10, UPPER + 0.67), (0.10, UPPER + 0.67), (0.14, UPPER + 0.71), (0.14, UPPER + 0.79), (-0.14, UPPER + 0.79), (-0.14, UPPER + 0.71)]
-            rings.append(a.run(rail, clear).moved(x=x))
+            rings += [a.run([(out, UPPER + y) for out, y in rail], clear).moved(x=x) for rail in rails_profile]
         return scene.mesh(f"upper bay {width}", (p.ashlar, merge(*walls)), (p.trim, merge(*rings)))
 
     def balusters(width: float) -> int:
@@ -226,11 +233,15 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
     bays = {BAY: bay(BAY, 2), 1.7: bay(1.7, 1)}
     rails = {BAY / 2: balusters(BAY / 2), 1.7: balusters(1.7)}
     dentil = box((-0.05, 8.27, -0.02), (0.05, 8.37, 0.10))
-    teeth = {n: scene.mesh(f"dentils {n}", (p.trim, merge(*[dentil.moved(x=(i + 0.5) * 0.2 - n * 0.1) for i in range(n)]))) for n in (14, 31)}
+    teeth = {}
+    for count in (14, 31):
+        row = merge(*[dentil.moved(x=(i + 0.5) * 0.2 - count * 0.1) for i in range(count)])
+        teeth[count] = scene.mesh(f"dentils {count}", (p.trim, row))
     beam = scene.mesh("beam", (p.wood, _along_z(box((-0.08, 8.18, -1.40), (0.08, 8.40, 1.40)))))
     for side in SIDES:
         edges = side.edges()
-        columns = sorted({round(x, 4) for x in edges} | {round((l + r) / 2, 4) for l, r in zip(edges, edges[1:]) if r - l > 2.0})
+        middles = [(left + right) / 2 for left, right in zip(edges, edges[1:])]
+        columns = sorted({round(x, 4) for x in edges + [m for m, w in zip(middles, side.bays) if w == BAY]})
         for i, x in enumerate(columns):
             shrink = (1.0, 0.9985, 1.0) if i in (0, len(columns) - 1) and side.bays == SHORT else 1.0
             scene.place(f"{side.name} upper column {i}", column, side.at(x, 0.0), side.turn, shrink)
@@ -239,16 +250,16 @@ def _upper_arcades(scene: SceneBuilder, p: Palette) -> None:
             width = BAY / 2 if right - left < 1.5 else 1.7
             scene.place(f"{side.name} balusters {i}", rails[width], side.at((left + right) / 2, 0.0), side.turn)
         for i, width in enumerate(side.bays):
-            scene.place(f"{side.name} upper bay {i}", bays[width], side.at((edges[i] + edges[i + 1]) / 2, 0.0), side.turn)
+            scene.place(f"{side.name} upper bay {i}", bays[width], side.at(middles[i], 0.0), side.turn)
             if side.bays == LONG:
-                scene.place(f"{side.name} dentils {i}", teeth[14], side.at((edges[i] + edges[i + 1]) / 2, 0, 0.21), side.turn)
+                scene.place(f"{side.name} dentils {i}", teeth[14], side.at(middles[i], 0.0, 0.21), side.turn)
         if side.bays == SHORT:
             scene.place(f"{side.name} dentils", teeth[31], side.at(0.0, 0.0, 0.21), side.turn)
     for x in (-AXIS_X, AXIS_X):
         for z in (-AXIS_Z, AXIS_Z):
             scene.place("upper corner pier", corner_pier, (x, 0.0, z))
-    frieze = [(-0.05, 8.05), (0.04, 8.05), (0.04, 8.15), (0.07, 8.17), (0.07, 8.21), (0.02, 8.23), (0.02, 8.36), (0.11, 8.37)]
-    frieze += [(0.16, 8.43), (0.16, 8.50), (-0.05, 8.50)]
+    frieze = [(-0.05, 8.05), (0.04, 8.05), (0.04, 8.15), (0.07, 8.17), (0.07, 8.21)]
+    frieze += [(0.02, 8.23), (0.02, 8.36), (0.11, 8.37), (0.16, 8.43), (0.16, 8.50), (-0.05, 8.50)]
     ring = a.mitred_ring(frieze, COURT_X + 0.09, COURT_Z + 0.09, inward=True)
     scene.place("upper cornice", scene.mesh("upper cornice", (p.trim, ring)))
     ceiling = _ring_of_boxes((COURT_X + 0.15, COURT_Z + 0.15), (INNER_X + 0.1, INNER_Z + 0.1), 8.39, 8.47)
@@ -261,7 +272,7 @@ def _along_z(surface: Surface) -> Surface:
 
 
 def _roof(scene: SceneBuilder, p: Palette) -> None:
-    slab = [(0.0, 9.50), (4.08, 8.55), (4.08, 8.68), (0.0, 9.65)]
+    slab = [(0.0, 9.50), (4.20, 8.522), (4.20, 8.672), (0.0, 9.65)]
     under = a.mitred_ring(slab, OUTER_X + 0.15, OUTER_Z + 0.15, inward=True)
     scene.place("roof", scene.mesh("roof", (p.wood, under)))
     rows = scene.mesh("roof tiles", (p.tiles, a.tiled_roof([4.15] * 7, 0.27, ROOF_SLOPE)))
@@ -306,12 +317,14 @@ def _furnish(scene: SceneBuilder, p: Palette) -> None:
             scene.place(f"{side.name} hanging {i}", mesh(kind, color), side.at(x, SPRING - 0.02, -0.15), side.turn)
     shrub = [scene.mesh(f"shrub {i}", *details.bush(p, 80 + i)) for i in range(2)]
     rugs: dict[str, int] = {}
-    for i, (side, bay, color) in enumerate(((NORTH, 1.5, "red"), (NORTH, -2.5, "blue"), (SOUTH, 0.5, "green"), (SOUTH, -1.5, "red"), (EAST, 0.0, "red"))):
+    draped = [(NORTH, 4.9, "red"), (NORTH, -6.3, "blue"), (SOUTH, 2.1, "green"), (SOUTH, -3.5, "red")]
+    draped.append((EAST, 0.7, "red"))
+    for i, (side, x, color) in enumerate(draped):
         if color not in rugs:
             rugs[color] = scene.mesh(f"rug {color}", *details.rug(p, color, 0.86))
-        scene.place(f"rug {i}", rugs[color], side.at((bay + 0.25) * BAY if side is not EAST else 0.7, UPPER + 0.79), side.turn)
+        scene.place(f"rug {i}", rugs[color], side.at(x, UPPER + 0.79), side.turn)
     orange = scene.mesh("orange tree", *details.tree(p, 90))
-    for i, (x, z) in enumerate(((-5.6, -2.2), (-0.6, -2.25), (5.6, -2.2), (-4.2, 2.2), (-1.4, 2.25), (7.0, 2.2))):
+    for i, (x, z) in enumerate(((-5.6, -2.2), (-0.6, -2.25), (5.6, -2.2), (-1.4, 2.25), (7.0, 2.2))):
         scene.place(f"shrub {i}", shrub[i % 2], (x, -0.2, z), turn=67.0 * i)
     for i, (x, z) in enumerate(((-8.5, 2.1), (8.6, -2.1))):
         scene.place(f"orange tree {i}", orange, (x, -0.2, z), turn=130.0 * i)

@@ -49,30 +49,25 @@ def drawn_curtain(palette: Palette, color: str, width: float, drop: float, side:
         # Mirrored x would turn the front away.
         return points if side < 0 else points[:, ::-1]
 
-    hooks = torus(0.17, 0.030, 8, 20).scaled(1.0, 1.0, 0.75)
-    band = hooks.moved(x=side * (width / 2 - 0.10 * width), y=-drop * tie)
-    return _cloth(palette, color, shape, width * 1.2, drop) + [(palette.cloth["gold"], band), _rod(palette, width + 0.1)]
+    band = torus(0.17, 0.030, 8, 20).scaled(1.0, 1.0, 0.75)
+    band = band.moved(x=side * (width / 2 - 0.10 * width), y=-drop * tie)
+    sheet = _cloth(palette, color, shape, width * 1.2, drop)
+    return [*sheet, (palette.cloth["gold"], band), _rod(palette, width + 0.1)]
 
 
 def _cloth(palette: Palette, color: str, shape, width: float, drop: float) -> list[Part]:
     """A single sheet in three bands: field, golden border, hem."""
-    columns, rows = 43, 20
+    columns, rows = 57, 19
     trim = "red" if color == "gold" else "gold"
     field, border = 1.0 - 0.34 / drop, 1.0 - 0.10 / drop
-    parts: dict[str, list[Surface]] = {}
-    levels = np.unique(np.concatenate([np.linspace(0.0, field, rows - 4), [field, border], np.linspace(border, 1.0, 3)]))
+    levels = np.concatenate([np.linspace(0.0, field, rows - 4), np.linspace(border, 1.0, 3)])
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), levels[::-1])
     points = shape(u, v)
-    mirrored = points[0, 0, 0] > points[0, -1, 0]
     whole = grid(points, np.stack([u * width, v * drop], -1))
-    if mirrored:
-        raise ValueError("the sheet faces away")
     level = levels[::-1]
     row_of_triangle = whole.triangles.min(axis=1) // columns
     in_border = (level[row_of_triangle] <= border + 1e-9) & (level[row_of_triangle] > field + 1e-9)
-    for name, chosen in ((color, ~in_border), (trim, in_border)):
-        parts.setdefault(name, []).append(_pick(whole, chosen))
-    return [(palette.cloth[name], merge(*surfaces)) for name, surfaces in parts.items()]
+    return [(palette.cloth[color], _pick(whole, ~in_border)), (palette.cloth[trim], _pick(whole, in_border))]
 
 
 def _pick(surface: Surface, chosen: np.ndarray) -> Surface:
@@ -89,8 +84,8 @@ def _rod(palette: Palette, length: float) -> Part:
 
 def rug(palette: Palette, color: str, width: float) -> list[Part]:
     """A rug that lies over a balustrade: y = 0 is the rail's top, the longer end hangs at +Z."""
-    over = [(-0.175, -0.42), (-0.17, -0.2), (-0.165, -0.02), (-0.13, 0.012), (0.0, 0.015), (0.13, 0.012), (0.165, -0.02)]
-    over += [(0.17, -0.25), (0.178, -0.5), (0.19, -0.76)]
+    over = [(-0.175, -0.42), (-0.17, -0.2), (-0.165, -0.02), (-0.13, 0.012), (0.0, 0.015), (0.13, 0.012)]
+    over += [(0.165, -0.02), (0.17, -0.25), (0.178, -0.5), (0.19, -0.76)]
     path = np.array(over)[::-1]
     v = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     u = np.linspace(-0.5, 0.5, 25) * width
@@ -109,9 +104,9 @@ def pot(radius: float, height: float, segments: int = 28) -> Surface:
     """A terracotta pot with a rolled rim and two raised bands; open at the top, with an inner wall."""
     r, h = radius, height
     profile = [(0.62 * r, 0.0), (0.66 * r, 0.02 * h), (0.66 * r, 0.06 * h), (0.62 * r, 0.09 * h)]
-    profile += [(0.76 * r, 0.32 * h), (0.90 * r, 0.60 * h), (0.935 * r, 0.62 * h), (0.935 * r, 0.66 * h), (0.91 * r, 0.68 * h)]
-    profile += [(0.96 * r, 0.86 * h), (1.05 * r, 0.88 * h), (1.08 * r, 0.93 * h), (1.06 * r, 0.98 * h), (1.0 * r, h)]
-    profile += [(0.90 * r, 0.98 * h), (0.86 * r, 0.80 * h), (0.0, 0.80 * h)]
+    profile += [(0.76 * r, 0.32 * h), (0.90 * r, 0.60 * h), (0.935 * r, 0.62 * h), (0.935 * r, 0.66 * h)]
+    profile += [(0.91 * r, 0.68 * h), (0.96 * r, 0.86 * h), (1.05 * r, 0.88 * h), (1.08 * r, 0.93 * h)]
+    profile += [(1.06 * r, 0.98 * h), (1.0 * r, h), (0.90 * r, 0.98 * h), (0.86 * r, 0.80 * h), (0.0, 0.80 * h)]
     return lathe(profile, segments)
 
 
@@ -130,7 +125,8 @@ def tree(palette: Palette, seed: int) -> list[Part]:
     t = np.linspace(0.0, 1.0, 7)
     trunk = lathe([(float(0.055 - 0.02 * a), float(0.5 + 1.0 * a)) for a in t], 10, cap=False)
     bend = 0.05 * np.sin((trunk.positions[:, 1] - 0.5) * 3.0)
-    trunk = Surface(trunk.positions + np.stack([bend, 0 * bend, 0.6 * bend], -1), trunk.normals, trunk.uvs, trunk.triangles)
+    bent = trunk.positions + np.stack([bend, 0 * bend, 0.6 * bend], -1)
+    trunk = Surface(bent, trunk.normals, trunk.uvs, trunk.triangles)
     crown = _crown(rng, 230, 0.62, 0.34).moved(y=1.85)
     fruits = []
     for _ in range(16):
@@ -180,7 +176,8 @@ def door(palette: Palette, width: float = 1.1, height: float = 2.15) -> list[Par
             leaf.append(box((frame[0], low, 0.04), (frame[1], high, 0.072), skip="-z"))
     wood = merge(*leaf)
     wood = wood.with_uvs(wood.uvs[:, ::-1])
-    jamb = [box((s * (w + 0.09) - 0.10, 0.0, 0.0), (s * (w + 0.09) + 0.10, h + 0.02, 0.13), skip="-z-y") for s in (-1, 1)]
+    post = box((-0.10, 0.0, 0.0), (0.10, h + 0.02, 0.13), skip="-z-y")
+    jamb = [post.moved(x=-w - 0.09), post.moved(x=w + 0.09)]
     lintel = box((-w - 0.21, h - 0.02, 0.0), (w + 0.21, h + 0.24, 0.14), skip="-z")
     crown = run([(0.0, h + 0.23), (0.15, h + 0.23), (0.22, h + 0.31), (0.22, h + 0.36), (0.0, h + 0.38)], width + 0.56)
     knob = sphere(0.028, 6, 10)
@@ -191,14 +188,14 @@ def door(palette: Palette, width: float = 1.1, height: float = 2.15) -> list[Par
 def fountain(palette: Palette, seed: int) -> list[Part]:
     """An eight-sided basin planted with shrubs around a stone bowl."""
     rng = np.random.default_rng(seed)
-    basin = [(1.32, -0.2), (1.32, 0.0), (1.22, 0.0), (1.22, 0.08), (1.13, 0.14), (1.13, 0.38), (1.24, 0.44), (1.24, 0.52)]
-    basin += [(1.0, 0.52), (1.0, 0.40), (0.0, 0.40)]
+    basin = [(1.32, -0.2), (1.32, 0.0), (1.22, 0.0), (1.22, 0.08), (1.13, 0.14), (1.13, 0.38)]
+    basin += [(1.24, 0.44), (1.24, 0.52), (1.0, 0.52), (1.0, 0.40), (0.0, 0.40)]
     wall = lathe(basin, 8).turned("y", 22.5)
     # Eight flat sides: the normals of a lathe would round them off.
     wall = _faceted(wall)
-    bowl = [(0.26, 0.38), (0.26, 0.46), (0.20, 0.50), (0.12, 0.58), (0.11, 0.72), (0.16, 0.84), (0.13, 0.88), (0.20, 0.90)]
-    bowl += [(0.40, 0.97), (0.54, 1.06), (0.60, 1.16), (0.62, 1.18), (0.60, 1.20), (0.56, 1.18), (0.30, 1.06), (0.12, 1.03)]
-    bowl += [(0.10, 1.10), (0.13, 1.20), (0.10, 1.29), (0.0, 1.34)]
+    bowl = [(0.26, 0.38), (0.26, 0.46), (0.20, 0.50), (0.12, 0.58), (0.11, 0.72), (0.16, 0.84)]
+    bowl += [(0.13, 0.88), (0.20, 0.90), (0.40, 0.97), (0.54, 1.06), (0.60, 1.16), (0.62, 1.18), (0.60, 1.20)]
+    bowl += [(0.56, 1.18), (0.30, 1.06), (0.12, 1.03), (0.10, 1.10), (0.13, 1.20), (0.10, 1.29), (0.0, 1.34)]
     shrubs = []
     for i in range(9):
         turn = i * 40.0 + rng.uniform(-6, 6)

@@ -139,7 +139,7 @@ def _pavement() -> tuple[np.ndarray, np.ndarray]:
     grain, stain = t.noise(size, 42, 10, 250, 0.7), t.noise(size, 43, 1, 9, 1.0)
     shade = 1.0 + 0.04 * grain + 0.04 * stain - 0.35 * joint
     alternate = (block // count + block % count) % 2
-    pale = np.where(alternate[..., None] == 0, (0.53, 0.48, 0.40), (0.44, 0.375, 0.30)) * shade[..., None]
+    pale = np.where(alternate[..., None] == 0, (0.50, 0.45, 0.375), (0.40, 0.335, 0.265)) * shade[..., None]
     dark = np.array((0.13, 0.11, 0.10)) * (shade + 0.5 * (shade - 1.0))[..., None]
     height = 0.004 * t.smoothstep(0.0, 0.010, edge) + 0.0003 * grain + 0.0008 * stain
     return np.where(inset[..., None], dark, pale), height

@@ -7,7 +7,7 @@ left); `scene.SceneBuilder` divides them by the size of a material's texture.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -145,14 +145,14 @@ def _triangulate(polygon: np.ndarray) -> np.ndarray:
     triangles = []
     while len(left) > 3:
         for k in range(len(left)):
-            i, j, l = left[k - 1], left[k], left[(k + 1) % len(left)]
-            a, b, c = polygon[i], polygon[j], polygon[l]
+            corner = left[k - 1], left[k], left[(k + 1) % len(left)]
+            a, b, c = polygon[list(corner)]
             if cross(a, b, c) <= 1e-12:
                 continue
-            others = (polygon[m] for m in left if m not in (i, j, l))
+            others = (polygon[m] for m in left if m not in corner)
             if any(min(cross(a, b, p), cross(b, c, p), cross(c, a, p)) > -1e-12 for p in others):
                 continue
-            triangles.append((i, j, l))
+            triangles.append(corner)
             del left[k]
             break
         else:
@@ -208,19 +208,12 @@ def profile_runs(profile: np.ndarray, closed: bool) -> list[np.ndarray]:
     return [points[a : b + 1] for a, b in zip(cuts[:-1], cuts[1:])]
 
 
-def lathe(
-    profile: Sequence[tuple[float, float]],
-    segments: int,
-    radius: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
-    cap: bool = True,
-) -> Surface:
+def lathe(profile: Sequence[tuple[float, float]], segments: int, cap: bool = True) -> Surface:
     """A surface of revolution about +Y.
 
     Args:
         profile: (radius, height) from bottom to top along the outside, metres; overhangs are allowed.
         segments: Sides of the circle.
-        radius: Optional change of shape: (profile radius, height broadcast against angle) as two arrays
-            (R, C) `radius_and_height` packed (R, C, 2) and angles (C,) -> new radius (R, C).
         cap: Close ends that do not reach the axis with discs.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
@@ -229,23 +222,19 @@ def lathe(
     travelled = 0.0
     mean_radius = max(float(points[:, 0].mean()), 0.05)
     for run in profile_runs(points, closed=False):
-        r = np.repeat(run[:, :1], len(angle), axis=1)
-        if radius is not None:
-            r = radius(np.stack([r, np.repeat(run[:, 1:], len(angle), axis=1)], axis=-1), angle)
         # The seam must close to the last bit, or normals and depth show a hairline.
         cosine, sine = np.cos(angle), np.sin(angle)
         cosine[-1], sine[-1] = cosine[0], sine[0]
         height = np.repeat(run[:, 1:], len(angle), axis=1)
-        shell = np.stack([r * sine, height, r * cosine], axis=-1)
+        shell = np.stack([run[:, :1] * sine, height, run[:, :1] * cosine], axis=-1)
         length = travelled + np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
         travelled = float(length[-1])
         uvs = np.stack(np.broadcast_arrays(angle[None, :] * mean_radius, -length[:, None]), axis=-1)
         parts.append(grid(shell, uvs, wrap_columns=True))
     if cap:
-        for end, sign in ((0, -1.0), (-1, 1.0)):
+        bottom, top = parts[0].positions[:segments], parts[-1].positions[-segments - 1 : -1]
+        for end, sign, ring in ((0, -1.0, bottom[::-1]), (-1, 1.0, top)):
             if points[end, 0] > 1e-6:
-                ring = (parts[end].positions[: segments + 1] if end == 0 else parts[end].positions[-segments - 1 :])[:-1]
-                ring = ring if sign > 0 else ring[::-1]
                 centre = ring.mean(axis=0, keepdims=True)
                 disc = np.concatenate([ring, centre])
                 index = np.arange(segments)

@@ -33,8 +33,8 @@ def height(count: int) -> np.ndarray:
     face = _blend(face, _dome(x, y, 0.0, 0.34, 0.36, 0.24, 0.24), 0.05)  # forehead
     face -= 0.035 * np.exp(-((x / 0.035) ** 2)) * smoothstep(0.18, 0.28, y) * smoothstep(0.5, 0.4, y)
     brow_line = 0.235 + 0.10 * np.sin(np.clip((side - 0.04) / 0.36, 0, 1) * np.pi * 0.8) - 0.12 * side
-    brow = 0.075 * np.exp(-(((y - brow_line) / 0.055) ** 2)) * smoothstep(0.42, 0.30, side) * smoothstep(0.02, 0.09, side)
-    face += brow
+    brow = 0.075 * np.exp(-(((y - brow_line) / 0.055) ** 2))
+    face += brow * smoothstep(0.42, 0.30, side) * smoothstep(0.02, 0.09, side)
     face -= 0.095 * np.exp(-(((side - 0.195) / 0.115) ** 2) - ((y - 0.115) / 0.075) ** 2)  # sockets
     bridge = 0.30 - 0.10 * smoothstep(-0.1, 0.32, y)
     nose_width = 0.055 + 0.045 * smoothstep(0.15, -0.18, y)
@@ -58,9 +58,11 @@ def height(count: int) -> np.ndarray:
     face += 0.022 * np.exp(-(((eye - 1.12) / 0.16) ** 2))  # lids
     face -= 0.022 * smoothstep(0.034, 0.020, np.hypot(side - 0.195, y - 0.118))  # pupils
     whisker = np.sin((y + 0.285) * 130.0 + side * 20.0)
-    face -= 0.004 * whisker * smoothstep(0.05, 0.11, side) * smoothstep(0.24, 0.19, side) * smoothstep(0.11, 0.06, abs(y + 0.285))
+    pads = smoothstep(0.05, 0.11, side) * smoothstep(0.24, 0.19, side) * smoothstep(0.11, 0.06, np.abs(y + 0.285))
+    face -= 0.004 * whisker * pads
     fade = smoothstep(1.05, 0.80, np.hypot(x / 0.46, (y + 0.03) / 0.60))
-    ear = _dome(side, y, 0.40, 0.47, 0.14, 0.15, 0.30) - 0.10 * np.exp(-(((side - 0.40) / 0.06) ** 2) - ((y - 0.46) / 0.07) ** 2)
+    hollow = np.exp(-(((side - 0.40) / 0.06) ** 2) - ((y - 0.46) / 0.07) ** 2)
+    ear = _dome(side, y, 0.40, 0.47, 0.14, 0.15, 0.30) - 0.10 * hollow
     head = np.maximum(_blend(mane, face * fade + 0.06 * fade, 0.02), ear)
     r = np.hypot(x, y)
     ring = 0.11 * np.sqrt(np.clip(1.0 - ((r - 0.925) / 0.055) ** 2, 0.0, 1.0))
@@ -68,7 +70,8 @@ def height(count: int) -> np.ndarray:
     ring = np.maximum(ring, 0.05 * np.sqrt(np.clip(1.0 - (beads / 0.030) ** 2, 0.0, 1.0)))
     corner = np.hypot(side - 0.84, np.abs(y) - 0.84)
     petals = 0.10 + 0.022 * np.cos(6.0 * np.arctan2(np.abs(y) - 0.84, side - 0.84))
-    rosette = 0.06 * np.sqrt(np.clip(1.0 - (corner / petals) ** 2, 0.0, 1.0)) * (0.6 + 0.4 * smoothstep(0.02, 0.05, corner))
+    rosette = 0.06 * np.sqrt(np.clip(1.0 - (corner / petals) ** 2, 0.0, 1.0))
+    rosette *= 0.6 + 0.4 * smoothstep(0.02, 0.05, corner)
     return np.maximum(np.maximum(head, ring), rosette)
 
 
@@ -124,10 +127,12 @@ def panel() -> tuple[Surface, np.ndarray]:
     front = grid(points, np.stack([u, v], -1)[::-1])
     half, back = SIZE / 2, -0.06
     sides = []
-    for row, normal in ((points[0], (0, -1, 0)), (points[-1][::-1], (0, 1, 0)), (points[:, -1], (1, 0, 0)), (points[::-1, 0], (-1, 0, 0))):
+    edges = (points[0], points[-1][::-1], points[:, -1], points[::-1, 0])
+    for row, normal in zip(edges, ((0, -1, 0), (0, 1, 0), (1, 0, 0), (-1, 0, 0))):
         skirt = np.stack([row * [1, 1, 0] + [0, 0, back], row])
         edge = grid(skirt, np.full((*skirt.shape[:2], 2), 0.01) + skirt[..., [2, 2]] * [0.05, 0.0])
-        sides.append(Surface(edge.positions, np.tile(np.array(normal, dtype=np.float64), (len(edge.positions), 1)), edge.uvs, edge.triangles))
+        normals = np.tile(np.array(normal, dtype=np.float64), (len(edge.positions), 1))
+        sides.append(Surface(edge.positions, normals, edge.uvs, edge.triangles))
     rear = np.array([(half, -half, back), (-half, -half, back), (-half, half, back), (half, half, back)])
     sides.append(polygon_face(rear, (0, 0, -1), np.full((4, 2), 0.01)))
     texel = (np.arange(DETAIL) + 0.5) / DETAIL
