@@ -8,8 +8,8 @@ float lobe_response(vec3 direction, vec3 normal) {
 
 float lobe_weight(vec3 flux) { return dot(flux, vec3(0.2126, 0.7152, 0.0722)); }
 
-Lobe make_lobe(vec3 irradiance, vec3 back_irradiance, vec3 direction, vec3 normal) {
-    vec3 quantized = quantize_lobe_direction(direction);
+Lobe make_lobe(vec3 irradiance, vec3 back_irradiance, vec3 directions, float weights, vec3 normal) {
+    vec3 quantized = quantize_lobe_direction(weights > 0.0 ? directions / weights : normal * 0.66);
     vec3 flux = irradiance / lobe_response(quantized, normal);
     flux = max(flux, back_irradiance / 128.0);
     float weight = lobe_weight(flux);

@@ -33,12 +33,21 @@ void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight) 
     sum.flux += flux;
 }
 
+Sum scaled(Sum sum, float s) { return Sum(sum.irradiance * s, sum.back * s, sum.direction * s, sum.flux * s); }
+
+Sum plus(Sum a, Sum b) {
+    return Sum(a.irradiance + b.irradiance, a.back + b.back, a.direction + b.direction, a.flux + b.flux);
+}
+
 #ifdef HAS_GATHER
 // The gather's rotations repeat every 4 texels: this window sees each of the 16 once, whatever its phase.
 Sum denoised(ivec2 px, Surface receiver, vec3 p) {
 #if UPSAMPLING == 1
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
+#ifdef HAS_NEAR
+    add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
+#endif
     return sum;
 #else
     const float KERNEL[5] = float[5](0.5, 1.0, 1.0, 1.0, 0.5);
@@ -55,8 +64,12 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
             add(sum, load_gather(at), tap.normal, receiver.normal, weight);
             total += weight;
         }
-    float scale_back = 1.0 / max(total, 1e-6);
-    return Sum(sum.irradiance * scale_back, sum.back * scale_back, sum.direction * scale_back, sum.flux * scale_back);
+    sum = scaled(sum, 1.0 / max(total, 1e-6));
+#ifdef HAS_NEAR
+    // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.
+    add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
+#endif
+    return sum;
 #endif
 }
 #endif
@@ -99,8 +112,7 @@ Sum from_coarser(ivec2 px, Surface receiver, vec3 p) {
         add(sum, nearest, nearest_normal, receiver.normal, THRESH - total);
         total = THRESH;
     }
-    float scale_back = 1.0 / total;
-    return Sum(sum.irradiance * scale_back, sum.back * scale_back, sum.direction * scale_back, sum.flux * scale_back);
+    return scaled(sum, 1.0 / total);
 #endif
 }
 #endif
@@ -115,11 +127,7 @@ void shade(ivec2 px) {
         light = denoised(px, receiver, p);
 #endif
 #ifdef HAS_COARSE
-        Sum coarse = from_coarser(px, receiver, p);
-        light.irradiance += coarse.irradiance;
-        light.back += coarse.back;
-        light.direction += coarse.direction;
-        light.flux += coarse.flux;
+        light = plus(light, from_coarser(px, receiver, p));
 #endif
     }
 #ifdef IMAGE_LEVEL
@@ -129,7 +137,6 @@ void shade(ivec2 px) {
 #endif
     out_upsample = irradiance;
 #else
-    vec3 direction = light.flux > 0.0 ? light.direction / light.flux : receiver.normal * 0.66;
-    out_light = make_lobe(light.irradiance, light.back, direction, receiver.normal);
+    out_light = make_lobe(light.irradiance, light.back, light.direction, light.flux, receiver.normal);
 #endif
 }

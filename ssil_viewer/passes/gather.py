@@ -22,7 +22,8 @@ class Gather(ScreenPass):
     name = "gather"
     shader = "passes/gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
-    writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather")}
+    writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
+              "near": Target("lobe", "light from the innermost part of the disc: flux and mean direction", "start")}
     uniforms = {"texel": "float", "inner_radius": "float"}
 
     def enabled(self, settings: Settings) -> bool:
@@ -34,4 +35,7 @@ class Gather(ScreenPass):
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
-            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, (chosen,))
+            near = level == first
+            defines = (chosen, ("NEAR_FIELD", "")) if near else (chosen,)
+            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, defines,
+                           frozenset() if near else frozenset({"near"}))

@@ -22,7 +22,7 @@ class Upsample(ScreenPass):
 
     name = "upsample"
     shader = "passes/upsample.glsl"
-    reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True),
+    reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True), "near": Read.of("near", optional=True),
              "coarse_surface": Read.of("surface", offset=1, optional=True),
              "coarse": Read.of("light", offset=1, optional=True),
              "albedo": Read.of("albedo", optional=True)}
@@ -44,6 +44,8 @@ class Upsample(ScreenPass):
                 omit |= {"coarse", "coarse_surface"}
             if level < frame.settings.start_level:
                 omit.add("gather")
+            if level != frame.settings.start_level:
+                omit.add("near")
             if level > 0 or not frame.scene.has_occlusion_maps:
                 omit.add("albedo")
             yield Dispatch(level, {"texel": float(2**level)}, tuple(defines), frozenset(omit))
