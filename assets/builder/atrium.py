@@ -87,7 +87,7 @@ def build() -> SceneBuilder:
     scene.light("sun", "directional", SUN, (1.0, 0.94, 0.84), direction=(0.50, -1.0, 0.29))
     scene.camera("nave", (-9.0, 2.8, -1.1), (6.0, 3.0, 0.35), fov=54.0)
     scene.camera("gallery", (12.5, 6.6, -2.7), (3.0, 4.85, 2.0), fov=62.0)
-    scene.camera("hanging", (4.35, 1.6, 1.45), (1.75, 1.5, 3.5), fov=52.0)
+    scene.camera("hanging", (4.3, 1.6, 1.7), (1.6, 1.55, 3.4), fov=50.0)
     scene.camera("relief", (5.2, 2.0, -0.45), (12.9, 1.75, 0.3), fov=42.0)
     return scene
 
@@ -272,7 +272,7 @@ def _along_z(surface: Surface) -> Surface:
 
 
 def _roof(scene: SceneBuilder, p: Palette) -> None:
-    slab = [(0.0, 9.50), (4.20, 8.522), (4.20, 8.672), (0.0, 9.65)]
+    slab = [(0.0, 9.50), (4.08, 8.55), (4.08, 8.70), (0.0, 9.65)]
     under = a.mitred_ring(slab, OUTER_X + 0.15, OUTER_Z + 0.15, inward=True)
     scene.place("roof", scene.mesh("roof", (p.wood, under)))
     rows = scene.mesh("roof tiles", (p.tiles, a.tiled_roof([4.15] * 7, 0.27, ROOF_SLOPE)))
@@ -296,23 +296,26 @@ def _roof(scene: SceneBuilder, p: Palette) -> None:
 
 
 def _furnish(scene: SceneBuilder, p: Palette) -> None:
-    colors = ("red", "blue", "gold", "green", "red", "gold", "blue")
     meshes: dict[tuple, int] = {}
 
     def mesh(kind: str, color: str) -> int:
         key = (kind, color)
         if key not in meshes:
             if kind == "banner":
-                parts = details.banner(p, color, 1.75, 2.45, seed=3)
+                parts = details.banner(p, color, 1.9, 2.45, seed=3)
             else:
                 parts = details.drawn_curtain(p, color, 2.2, 2.62, -1.0 if kind == "left" else 1.0, seed=4)
             meshes[key] = scene.mesh(f"{kind} {color}", *parts)
         return meshes[key]
 
-    for side, order in ((NORTH, colors[::-1]), (SOUTH, colors)):
+    # One hanging for each bay from left to right, seen from the court. The red banner in the sunlit arcade
+    # colours the shaded side of the column to its right.
+    sunlit = "left blue, right gold, banner red, left green, banner gold, right blue, left red"
+    shaded = "left red, banner blue, right gold, left green, banner red, right gold, left blue"
+    for side, order in ((NORTH, sunlit), (SOUTH, shaded)):
         edges = side.edges()
-        for i, color in enumerate(order):
-            kind = ("left", "banner", "right")[i % 3]
+        for i, hanging in enumerate(order.split(", ")):
+            kind, color = hanging.split()
             x = (edges[i] + edges[i + 1]) / 2
             scene.place(f"{side.name} hanging {i}", mesh(kind, color), side.at(x, SPRING - 0.02, -0.15), side.turn)
     shrub = [scene.mesh(f"shrub {i}", *details.bush(p, 80 + i)) for i in range(2)]

@@ -83,7 +83,10 @@ def palette(scene: SceneBuilder, relief_detail: np.ndarray, relief_size: float) 
         bricks=pair("bricks", *_bricks(), 1.2, roughness=0.85),
         wood=pair("wood", *_wood(), 1.0, roughness=0.8),
         terracotta=scene.material("terracotta", (0.58, 0.26, 0.14), 0.9, color_texture=mottle, tile=1.3),
-        tiles=scene.material("roof tiles", (0.36, 0.13, 0.065), 1.0, color_texture=mottle, tile=1.3),
+        # The lowest tiles are seen from inside too, from under the eaves.
+        tiles=scene.material(
+            "roof tiles", (0.36, 0.13, 0.065), 1.0, color_texture=mottle, tile=1.3, double_sided=True
+        ),
         soil=scene.material("soil", (0.09, 0.06, 0.04), 1.0),
         leaves=scene.material(
             "leaves", roughness=0.8, color_texture=leaf, tile=None, mask=0.5, double_sided=True
@@ -176,7 +179,7 @@ def _weave() -> tuple[np.ndarray, float]:
     warp, weft = np.abs(np.sin(at))[None, :], np.abs(np.sin(at))[:, None]
     over = (np.sin(at / 1.0)[None, :] * np.sin(at / 1.0)[:, None]) > 0
     height = np.where(over, warp, weft * 0.9) + 0.15 * t.noise(size, 64, 2, 60, 0.6)
-    return height * 0.0012, tile
+    return height * 0.0006, tile
 
 
 def _damask() -> np.ndarray:
