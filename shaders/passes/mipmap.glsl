@@ -1,47 +1,68 @@
 // One level of the pyramid from the finer one. Each texel takes the depth and normal of one of its four
 // finer texels whole: the one that its 4x4 neighbourhood supports most. MIP_FILTER: 0 vote, 1 nearest, 2 average.
 
-// Support of surface `a` at position `p` by its neighbour: agreement of normals times closeness to the
-// tangent plane, relative to depth so that the scene's scale does not matter.
-float support(Surface a, vec3 p, Surface b, vec3 q) {
-    float facing = max(dot(a.normal, b.normal), 0.0);
+#if MIP_FILTER == 0
+// The four finer texels of a block, component by component, so that one neighbour is compared with all at once.
+struct Candidates {
+    vec4 normal_x, normal_y, normal_z;
+    vec4 offset;            // of the tangent plane: dot(normal, position)
+    vec4 falloff;           // of the support with the distance to that plane
+};
+
+// Support of each candidate by a neighbour `b` at `q`: agreement of normals times closeness to the tangent plane,
+// relative to depth so that the scene's scale does not matter.
+vec4 support(Candidates a, Surface b, vec3 q) {
+    vec4 facing = max(a.normal_x * b.normal.x + a.normal_y * b.normal.y + a.normal_z * b.normal.z, 0.0);
     facing *= facing;
     facing *= facing;                                           // p = 4
-    float off_plane = abs(dot(a.normal, q - p));
-    const float SIGMA = 0.01;                                   // of the view depth
-    return b.view_depth > 0.0 ? facing * exp2(off_plane * (-1.4427 / SIGMA) / a.view_depth) : 0.0;
+    vec4 off_plane = abs(a.normal_x * q.x + a.normal_y * q.y + a.normal_z * q.z - a.offset);
+    return facing * exp2(off_plane * a.falloff);
 }
+#endif
 
 void shade(ivec2 px) {
     ivec2 last = size_surface() - 1;
     ivec2 base = px * 2;
-    vec2 scale = frame.ray_scale * texel;
 
 #if MIP_FILTER == 0
-    Surface s[16];
-    vec3 p[16];
-    for (int i = 0; i < 16; ++i) {
-        ivec2 at = clamp(base + ivec2(i & 3, i >> 2) - 1, ivec2(0), last);
-        s[i] = load_surface(at);
-        p[i] = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), s[i].view_depth);
+    const float SIGMA = 0.01;                                   // of the view depth
+    vec2 scale = frame.ray_scale * texel;
+    Surface block[4];
+    Candidates candidates;
+    vec4 depths;
+    for (int c = 0; c < 4; ++c) {
+        ivec2 at = base + ivec2(c & 1, c >> 1);
+        // A texel beyond the edge of an odd level does not exist: it counts as background, not as a copy.
+        bool inside = all(lessThanEqual(at, last));
+        block[c] = load_surface(min(at, last));
+        if (!inside) block[c].view_depth = 0.0;
+        vec3 n = block[c].normal;
+        vec3 p = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), block[c].view_depth);
+        candidates.normal_x[c] = n.x;
+        candidates.normal_y[c] = n.y;
+        candidates.normal_z[c] = n.z;
+        candidates.offset[c] = dot(n, p);
+        candidates.falloff[c] = -1.4427 / (SIGMA * max(block[c].view_depth, 1e-30));
+        depths[c] = block[c].view_depth;
+    }
+    vec4 score = vec4(0.0);
+    for (int j = 0; j < neighbours; ++j) {                      // 4x4; each candidate also supports itself, alike
+        ivec2 at = clamp(base + ivec2(j & 3, j >> 2) - 1, ivec2(0), last);
+        Surface b = load_surface(at);
+        vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), b.view_depth);
+        if (b.view_depth > 0.0) score += support(candidates, b, q);
     }
     int winner = 0;
+    Surface kept = block[0];
     float best = -1.0, nearest = 1e30, farthest = 0.0;
-    Surface kept = s[5];
     for (int c = 0; c < 4; ++c) {
-        int i = 5 + (c & 1) + (c >> 1) * 4;
-        // A texel beyond the edge of an odd level is a clamped copy: it must not win over its original.
-        bool inside = all(lessThanEqual(base + ivec2(c & 1, c >> 1), last));
-        if (s[i].view_depth > 0.0 && inside) {
-            nearest = min(nearest, s[i].view_depth);
-            farthest = max(farthest, s[i].view_depth);
-            float score = 0.0;
-            for (int j = 0; j < 16; ++j) if (j != i) score += support(s[i], p[i], s[j], p[j]);
-            if (score > best * 1.0001) {
-                best = score;
-                winner = c;
-                kept = s[i];
-            }
+        if (depths[c] <= 0.0) continue;
+        nearest = min(nearest, depths[c]);
+        farthest = max(farthest, depths[c]);
+        if (score[c] > best * 1.0001) {                         // equal but for rounding: the first one stays
+            best = score[c];
+            winner = c;
+            kept = block[c];
         }
     }
     // The texel's position is rebuilt at its own centre, half a finer texel from where the winner lay: the winner

@@ -23,7 +23,7 @@ class Mipmap(ScreenPass):
     reads = {"surface": Read.of("surface", offset=-1), "radiance": Read.of("radiance", offset=-1)}
     extends = ("surface", "radiance")
     writes = {"winner": Target("index8", "which of its four finer texels a texel kept: x + 2 y", "coarse")}
-    uniforms = {"texel": "float"}
+    uniforms = {"texel": "float", "neighbours": "int"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -31,5 +31,6 @@ class Mipmap(ScreenPass):
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
         for level in range(1, frame.settings.last_level + 1):
-            # texel: width of a texel that is read, in level-0 pixels
-            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,))
+            # texel: width of a texel that is read, in level-0 pixels. The number of neighbours is a uniform so that
+            # compilers keep the loop: unrolled, it took one of them over a second.
+            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 16}, (chosen,))
