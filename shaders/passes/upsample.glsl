@@ -50,20 +50,19 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
 #endif
     return sum;
 #else
-    const float KERNEL[5] = float[5](0.5, 1.0, 1.0, 1.0, 0.5);
     ivec2 last = size_gather() - 1;
     vec2 scale = frame.ray_scale * texel;
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float total = 0.0;
-    for (int y = -2; y <= 2; ++y)
-        for (int x = -2; x <= 2; ++x) {
-            ivec2 at = clamp(px + ivec2(x, y), ivec2(0), last);
-            Surface tap = load_surface(at);
-            float weight = KERNEL[x + 2] * KERNEL[y + 2]
-                         * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
-            add(sum, load_gather(at), tap.normal, receiver.normal, weight);
-            total += weight;
-        }
+    for (int i = 0; i < window; ++i) {
+        ivec2 offset = ivec2(i % 5, i / 5) - 2;
+        ivec2 at = clamp(px + offset, ivec2(0), last);
+        Surface tap = load_surface(at);
+        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
+                     * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
+        add(sum, load_gather(at), tap.normal, receiver.normal, weight);
+        total += weight;
+    }
     sum = scaled(sum, 1.0 / max(total, 1e-6));
 #ifdef HAS_NEAR
     // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.

@@ -29,6 +29,9 @@ DEPTH_FORMAT = ("3f4 52x 2i4", ("position", "object_material"))
 # Texture slots of a material in the order of their shader define and sampler
 SLOTS = ("base_color", "metallic_roughness", "normal", "occlusion", "emission")
 _SRGB_SLOTS = {"base_color", "emission"}
+# Most materials have these: where a scene uses one, a material without it reads a white texel instead, since a
+# shader variant costs more (a tenth of a second of compilation on software OpenGL) than the lookup.
+_SHARED_SLOTS = ("base_color", "normal")
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 
 
@@ -76,6 +79,9 @@ class GpuScene:
         # (image, srgb) -> (array, layer)
         self._places: dict[tuple[int, bool], tuple[int, int]] = {}
         self._upload_images(scene, software)
+        self._shared = [slot for slot in _SHARED_SLOTS if any(getattr(m, f"{slot}_texture") for m in scene.materials)]
+        if self._shared:
+            self.arrays.append(GLFunctions(context).texture_array([np.full((1, 1, 4), 255, np.uint8)], False))
         self.materials = self._material_table(scene.materials)
         self._transforms = np.zeros((max(len(scene.instances), 1), OBJECT_TEXELS, 4), np.float32)
         for index, instance in enumerate(scene.instances):
@@ -120,7 +126,8 @@ class GpuScene:
             layer = {slot: float(place[1]) if (place := self._place(m, slot)) else 0.0 for slot in SLOTS}
             dielectric = min(m.specular * ((m.ior - 1.0) / (m.ior + 1.0)) ** 2, 1.0)
             row[0] = m.base_color
-            row[1] = (*m.emission, m.normal_scale)
+            # A scale of zero makes the white texel, read in place of a missing map, the unchanged normal
+            row[1] = (*m.emission, m.normal_scale if m.normal_texture else 0.0)
             row[2] = (m.metallic, m.roughness, m.occlusion_strength, m.alpha_cutoff)
             row[3] = (dielectric, layer["base_color"], layer["metallic_roughness"], layer["normal"])
             row[4] = (layer["occlusion"], layer["emission"], 0.0, 0.0)
@@ -138,12 +145,14 @@ class GpuScene:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     def _variant(self, m: Material) -> tuple:
-        textures = tuple((slot, place[0]) for slot in SLOTS if (place := self._place(m, slot)) is not None)
+        white = len(self.arrays) - 1
+        textures = tuple((slot, place[0] if (place := self._place(m, slot)) else white) for slot in SLOTS
+                         if slot in self._shared or self._place(m, slot))
         defines = [f"{slot.upper()}_MAP" for slot, _ in textures]
         masked = m.alpha_mode != "opaque"
         if masked:
             defines.append("ALPHA_MASK")
-        refs = [getattr(m, f"{slot}_texture") for slot, _ in textures]
+        refs = [ref for slot in SLOTS if (ref := getattr(m, f"{slot}_texture"))]
         if any(r.texcoord or r.nearest or r.wrap_u != "repeat" or r.wrap_v != "repeat" or r.rotation
                or r.offset != (0.0, 0.0) or r.scale != (1.0, 1.0) for r in refs):
             defines.append("SAMPLER_EXTRAS")

@@ -9,7 +9,7 @@ from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pass_runner import Frame
 
 
 class Upsample(ScreenPass):
@@ -28,7 +28,7 @@ class Upsample(ScreenPass):
              "albedo": Read.of("albedo", optional=True)}
     writes = {"light": Target("lobe", "light from this level and all coarser ones: flux and mean direction", "coarse"),
               "upsample": Target("rgb9e5", "irradiance of this frame alone, W m^-2")}
-    uniforms = {"texel": "float"}
+    uniforms = {"texel": "float", "window": "int"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -46,6 +46,7 @@ class Upsample(ScreenPass):
                 omit.add("gather")
             if level != frame.settings.start_level:
                 omit.add("near")
-            if level > 0 or not frame.scene.has_occlusion_maps:
+            if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
-            yield Dispatch(level, {"texel": float(2**level)}, tuple(defines), frozenset(omit))
+            # The window, 5x5, is a uniform so that compilers keep the loop: unrolled it takes them long
+            yield Dispatch(level, {"texel": float(2**level), "window": 25}, tuple(defines), frozenset(omit))
