@@ -50,7 +50,6 @@ class View:
 
     view_from_world: np.ndarray
     clip_from_view: np.ndarray
-    tan_half: tuple[float, float]
     near: float
     far: float
 
@@ -88,7 +87,7 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
     near = min(near, far * 0.5)
     tan_y = math.tan(camera.vertical_fov / 2)
     tan_half = (tan_y * size[0] / size[1], tan_y)
-    return View(view, perspective(tan_half, near, far), tan_half, near, far)
+    return View(view, perspective(tan_half, near, far), near, far)
 
 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
@@ -104,11 +103,13 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
     start = np.random.default_rng(settings.seed).random(2)
     jitter = [(start[i] + step * _PLASTIC[i]) % 1.0 for i in range(2)]
 
+    # A point (x, y) of the plane z = 1 before the camera lands at ndc = clip[0, 0] x - clip[0, 2], in y likewise
     def ray_scale(v: View) -> tuple[float, float]:
-        return 2 * v.tan_half[0] / size[0], 2 * v.tan_half[1] / size[1]
+        return 2 / (v.clip_from_view[0, 0] * size[0]), 2 / (v.clip_from_view[1, 1] * size[1])
 
     def ray_origin(v: View) -> tuple[float, float]:
-        return -v.tan_half[0], -v.tan_half[1]
+        clip = v.clip_from_view
+        return (clip[0, 2] - 1) / clip[0, 0], (clip[1, 2] - 1) / clip[1, 1]
 
     return Frame(
         view_from_world=view.view_from_world, world_from_view=world_from_view, clip_from_view=view.clip_from_view,

@@ -82,6 +82,11 @@ class LightTable:
         self.count = 0
         self.unshadowed: list[str] = []
 
+    @property
+    def textures(self) -> dict[str, moderngl.Texture]:
+        """All three by their names in shaders."""
+        return {"lights": self.table, "shadow_tiles": self.tiles_table, "shadow_atlas": self.atlas}
+
     def _create_atlas(self, size: tuple[int, int]) -> moderngl.Texture:
         atlas = self._context.depth_texture(size)
         atlas.compare_func = "<="

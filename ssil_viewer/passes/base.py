@@ -13,7 +13,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pass_runner import Frame
 
 
 @dataclass(frozen=True)

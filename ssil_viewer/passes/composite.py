@@ -8,7 +8,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pass_runner import Frame
 
 
 class Composite(ScreenPass):

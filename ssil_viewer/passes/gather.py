@@ -9,7 +9,7 @@ from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pass_runner import Frame
 
 
 class Gather(ScreenPass):

@@ -10,7 +10,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Pass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pipeline import SceneFrame
 
 
 class GBuffer(Pass):
@@ -31,7 +31,7 @@ class GBuffer(Pass):
                                     "z: old view depth / view depth"),
     }
 
-    def execute(self, frame: Frame) -> None:
+    def execute(self, frame: SceneFrame) -> None:
         context = frame.context
         framebuffer = frame.framebuffer(self, depth=True)
         context.enable_only(moderngl.DEPTH_TEST)

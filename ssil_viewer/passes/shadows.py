@@ -9,7 +9,7 @@ import moderngl
 from ssil_viewer.passes.base import Pass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import Frame
+    from ssil_viewer.pipeline import SceneFrame
 
 
 class Shadows(Pass):
@@ -20,7 +20,7 @@ class Shadows(Pass):
 
     name = "shadows"
 
-    def execute(self, frame: Frame) -> None:
+    def execute(self, frame: SceneFrame) -> None:
         if not frame.shadows_stale or not frame.lights.tiles:
             return
         context = frame.context

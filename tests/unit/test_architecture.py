@@ -16,6 +16,7 @@ LAYERS = (
     ("gpu", "buffers"),
     ("frame_uniforms",),
     ("passes",),
+    ("pass_runner",),
     ("pipeline",),
     ("headless",),
     ("app", "measure"),

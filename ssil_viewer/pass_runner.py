@@ -1,0 +1,258 @@
+"""Runs a sequence of passes: validates, allocates, compiles, binds and times them. It knows no effect by name."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Iterable, Iterator, Literal, Sequence
+
+import moderngl
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.frame_uniforms import Frame as FrameBlock
+from ssil_viewer.frame_uniforms import View, make_frame, radius_texels
+from ssil_viewer.gpu.context import read_capabilities
+from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
+from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.timers import PassTimers, Timings
+from ssil_viewer.gpu.uniforms import UniformBuffer
+from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
+from ssil_viewer.settings import Settings
+
+
+class FrameError(Exception):
+    """The declared passes do not fit together: a programming error, found before any OpenGL call."""
+
+
+def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
+    """All targets of a frame, after checking that every read has an earlier writer, is a history or is optional.
+
+    Raises:
+        FrameError: Names the pass and the target.
+    """
+    written: dict[str, Target] = {}
+    histories = {name for p in passes for name, target in p.writes.items() if target.history}
+    for p in passes:
+        own = set(p.writes)
+        if taken := own & set(written):
+            raise FrameError(f"pass {p.name} writes {sorted(taken)}, which an earlier pass owns")
+        for read in p.target_reads():
+            for name in read.targets:
+                base = name.removesuffix("@previous")
+                known = base in histories if name != base else base in written or (base in own and read.offset)
+                if not known and not read.optional:
+                    raise FrameError(f"pass {p.name} reads {name}, which no earlier pass writes")
+        for name in p.extends:
+            if name not in written:
+                raise FrameError(f"pass {p.name} extends {name}, which no earlier pass writes")
+        written.update(p.writes)
+    return written
+
+
+@dataclass
+class Frame:
+    """What a pass sees of the frame that it works on. Sequences with other inputs than targets extend it.
+
+    Attributes:
+        radius: Of disc and rings in texels of each level.
+        tables: Textures that are not targets, by GLSL name.
+        has_occlusion_maps: The target `albedo` is there and its alpha darkens indirect light somewhere.
+    """
+
+    runner: PassRunner
+    settings: Settings
+    radius: float
+    tables: dict[str, moderngl.Texture] = field(default_factory=dict)
+    has_occlusion_maps: bool = False
+
+    @property
+    def context(self) -> moderngl.Context:
+        """The context that is drawn with."""
+        return self.runner.context
+
+    def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch) -> None:
+        """Run a screen pass's shader once."""
+        self.runner.dispatch(screen_pass, dispatch, self.tables)
+
+    def has_target(self, name: str) -> bool:
+        """Whether an optional target is allocated."""
+        return self.runner.targets.has(name)
+
+    def framebuffer(self, owner: Pass, depth: bool) -> moderngl.Framebuffer:
+        """Framebuffer with the level-0 targets of a pass in their order, for rasterizing passes."""
+        targets = self.runner.targets
+        return targets.framebuffer((targets.texture(name) for name in owner.writes), depth)
+
+
+class PassRunner:
+    """A sequence of passes with all that it needs on the GPU, for one image size and one set of settings.
+
+    Args:
+        passes: In the order in which they run.
+        size: Image width and height in pixels.
+        stage: How screen passes compile; "auto" is compute where OpenGL is 4.3 or newer.
+        keep: Optional targets to allocate, such as "final".
+
+    Attributes:
+        declared: Name -> target, of all that are allocated.
+        targets: The textures.
+        frame_index: Frames since the history began.
+
+    Raises:
+        FrameError: The passes do not fit together.
+        UserError: OpenGL is too old, or the size does not fit.
+    """
+
+    def __init__(self, context: moderngl.Context, passes: Sequence[type[Pass]], size: tuple[int, int],
+                 settings: Settings, *, stage: Literal["auto", "compute", "fragment"] = "auto",
+                 keep: Iterable[str] = ()) -> None:
+        self.context = context
+        self.capabilities = read_capabilities(context)
+        if stage == "compute" and not self.capabilities.compute:
+            raise UserError("compute shaders need OpenGL 4.3", f"this is {self.capabilities.version}")
+        self.stage: Stage = ("compute" if self.capabilities.compute else "fragment") if stage == "auto" else stage
+        self.passes = tuple(make() for make in passes)
+        self.declared = {name: target for name, target in check_frame(self.passes).items()
+                         if not target.optional or name in set(keep)}
+        self.size = size
+        self.settings = settings
+        self.targets = self._allocate(size, settings)
+        self.frame_index = 0
+        self._previous: View | None = None
+        self._uniforms = UniformBuffer(context, FrameBlock, 0)
+        self._timers = PassTimers(context, self.capabilities.software)
+        self._programs: dict[Variant, ScreenProgram] = {}
+        self._bound: dict[int, int] = {}
+
+    def _allocate(self, size: tuple[int, int], settings: Settings) -> TargetSet:
+        limit = self.capabilities.max_texture_size
+        if not (1 <= size[0] <= limit and 1 <= size[1] <= limit):
+            raise UserError(f"an image of {size[0]}x{size[1]} pixels cannot be rendered", "--size",
+                            f"this OpenGL takes 1x1 to {limit}x{limit}")
+        return TargetSet(self.context, size, settings, self.declared)
+
+    # -- size and settings -----------------------------------------------------------------------------------------
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Change the image size. Raises UserError when it does not fit; the old size stays then."""
+        if size == self.size:
+            return
+        self._replace_targets(self._allocate(size, self.settings))
+        self.size = size
+        self.reset_history()
+
+    def set_settings(self, settings: Settings) -> None:
+        """Change settings; drops what the change invalidates and nothing else.
+
+        Raises:
+            UserError: The targets cannot be allocated; the old settings stay then.
+        """
+        affected = self.settings.affected_by(settings)
+        if affected == "resources":
+            self._replace_targets(self._allocate(self.size, settings))
+        self.settings = settings
+        if affected not in (None, "display"):
+            self.reset_history()
+
+    def _replace_targets(self, fresh: TargetSet) -> None:
+        self.targets.release()
+        self.targets = fresh
+
+    def reset_history(self) -> None:
+        """Forget the last frames."""
+        self._previous = None
+        self.frame_index = 0
+        self._timers.restart()
+
+    # -- one frame -------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Around all work of one frame, once."""
+        with self._timers.frame():
+            self._bound.clear()
+            self.targets.swap_histories()
+            try:
+                yield
+            except BaseException:
+                self.reset_history()    # half a frame is nothing to go on from
+                raise
+
+    def run(self, frame: Frame, view: View, light_count: int = 0,
+            background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        """Run the enabled passes, within `frame()`. Arguments as of `make_frame`."""
+        self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
+                                         light_count, background, self._previous is not None))
+        for p in self.passes:
+            if p.enabled(self.settings):
+                with self._timers.measure(p.name):
+                    p.execute(frame)
+        self._previous = view
+        self.frame_index += 1
+
+    @property
+    def radius(self) -> float:
+        """Radius of disc and rings in texels of each level."""
+        return radius_texels(self.settings, self.size)
+
+    def running_targets(self) -> set[str]:
+        """Declared targets of the passes that run under the current settings."""
+        return {name for p in self.passes if p.enabled(self.settings) for name in p.writes if name in self.declared}
+
+    def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
+        """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
+        running = self.running_targets()
+        reads, inputs = [], {}
+        for name, read in screen_pass.reads.items():
+            if name in dispatch.omit:
+                continue
+            target = self._resolve(read, running)
+            level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
+            reads.append((name, self.declared[target.removesuffix("@previous")].format))
+            inputs[name] = self.targets.texture(target, level)
+        writes = [(name, self.declared[name].format)
+                  for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
+        outputs = {name: self.targets.texture(name, dispatch.level) for name, _ in writes}
+        variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
+                          tuple(screen_pass.uniforms.items()), dispatch.defines)
+        self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
+
+    @staticmethod
+    def _resolve(read: Read, running: set[str]) -> str:
+        for name in read.targets:
+            if name.removesuffix("@previous") in running:
+                return name
+        raise FrameError(f"none of {', '.join(read.targets)} is written under these settings")
+
+    def shade(self, variant: Variant, targets: TargetSet, inputs: dict[str, moderngl.Texture],
+              outputs: dict[str, moderngl.Texture], uniforms: dict[str, object]) -> None:
+        """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
+        if variant not in self._programs:
+            self._programs[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
+        self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
+
+    def unbind(self) -> None:
+        """Take no binding of an earlier frame for granted: outside of `frame()`, anybody may have changed them."""
+        self._bound.clear()
+
+    def reload_shaders(self) -> None:
+        """Compile all shaders again from their files. Raises ShaderError and keeps the old ones on failure."""
+        fresh = {variant: ScreenProgram(self.context, variant, self.stage, FrameBlock) for variant in self._programs}
+        self._release_programs()
+        self._programs = fresh
+
+    @property
+    def timings(self) -> Timings:
+        """Times of the passes over the last frames."""
+        return self._timers.timings(tuple(p.name for p in self.passes))
+
+    def _release_programs(self) -> None:
+        for program in self._programs.values():
+            program.release()
+        self._programs.clear()
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        self._release_programs()
+        self.targets.release()
+        self._uniforms.release()
