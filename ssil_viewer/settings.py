@@ -141,9 +141,10 @@ class Settings:
     exposure: Annotated[float, Knob(
         "Brightness of the display in stops; never touches exported values.",
         -16.0, 16.0, "EV", affects="display", group="Display")] = 0.0
-    tone_map: Annotated[Literal["aces", "neutral", "reinhard", "linear"], Knob(
-        "Curve from radiance to display: aces (filmic contrast), neutral (Khronos, keeps hues), reinhard, "
-        "linear (clips).", affects="display", group="Display")] = "aces"
+    tone_map: Annotated[Literal["neutral", "aces", "reinhard", "linear"], Knob(
+        "Curve from radiance to display: neutral (Khronos; leaves shadows and hues as they are), aces (filmic "
+        "contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
+        affects="display", group="Display")] = "neutral"
     shadow_resolution: Annotated[int, Knob(
         "Side of the shadow map of a directional light; spots get a half, faces of point lights a quarter.",
         128, 8192, "texels", log=True, group="Shadows")] = 2048

@@ -7,12 +7,14 @@ from dataclasses import replace
 
 from ssil_viewer.scene.model import Light, Scene
 
-SUN_ELEVATION = math.radians(50.0)
-SUN_AZIMUTH = math.radians(35.0)
-"""Direction of the default sun, from +Z towards +X: beside and behind a viewer who looks along -Z."""
+SUN_ELEVATION = math.radians(72.0)
+"""High enough to reach the floor of a courtyard as deep as it is wide."""
+
+SUN_SKEW = math.radians(35.0)
+"""Angle between the sun's horizontal direction and the longer side of the scene."""
 
 SUN_IRRADIANCE = 3.0 * math.pi
-"""W m^-2 at normal incidence: white Lambertian ground at 50 degrees then has radiance 2.3."""
+"""W m^-2 at normal incidence: white Lambertian ground under this sun then has radiance 2.9."""
 
 SKY_RADIANCE = (0.35, 0.45, 0.6)
 """The backdrop of scenes lit by the default sun: a soft blue, darker than what the sun lights."""
@@ -29,14 +31,18 @@ def with_default_light(scene: Scene) -> Scene:
     if shines(scene):
         return scene
     horizontal = math.cos(SUN_ELEVATION)
+    low, high = scene.bounds()
+    along_x = high[0] - low[0] > high[2] - low[2]
+    # From behind a viewer who looks along -Z where the scene has no longer side to go by
+    azimuth = math.pi / 2 - SUN_SKEW if along_x else SUN_SKEW
     sun = Light(
         kind="directional",
         name="default sun",
         intensity=SUN_IRRADIANCE,
         direction=(
-            -horizontal * math.sin(SUN_AZIMUTH),
+            -horizontal * math.sin(azimuth),
             -math.sin(SUN_ELEVATION),
-            -horizontal * math.cos(SUN_AZIMUTH),
+            -horizontal * math.cos(azimuth),
         ),
     )
     warning = "nothing in the scene shines, so a default sun was added"
