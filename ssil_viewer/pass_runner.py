@@ -12,8 +12,9 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import View, make_frame, radius_texels
 from ssil_viewer.gpu.context import read_capabilities
+from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.targets import Target, TargetSet, target_bytes
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
@@ -114,6 +115,7 @@ class PassRunner:
         self.passes = tuple(make() for make in passes)
         self.declared = {name: target for name, target in check_frame(self.passes).items()
                          if not target.optional or name in set(keep)}
+        self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
         self.settings = settings
         self.targets = self._allocate(size, settings)
@@ -125,11 +127,18 @@ class PassRunner:
         self._bound: dict[int, int] = {}
 
     def _allocate(self, size: tuple[int, int], settings: Settings) -> TargetSet:
+        shown, advice = f"an image of {size[0]}x{size[1]}", "give a smaller one"
         limit = self.capabilities.max_texture_size
         if not (1 <= size[0] <= limit and 1 <= size[1] <= limit):
-            raise UserError(f"an image of {size[0]}x{size[1]} pixels cannot be rendered", "--size",
-                            f"this OpenGL takes 1x1 to {limit}x{limit}")
-        return TargetSet(self.context, size, settings, self.declared)
+            raise UserError(f"{shown} pixels cannot be rendered", "--size", f"this OpenGL takes 1x1 to {limit}x{limit}")
+        if self.capabilities.software:
+            needed = target_bytes(size, settings, self.declared, self._rasterizes)
+            require_memory(sum(needed.values()), shown, "--size", advice)
+        return TargetSet(self.context, size, settings, self.declared, self._rasterizes)
+
+    def target_bytes(self) -> dict[str, int]:
+        """Bytes of each target with its levels and history, and of the depth buffer."""
+        return target_bytes(self.size, self.settings, self.declared, self._rasterizes)
 
     # -- size and settings -----------------------------------------------------------------------------------------
 

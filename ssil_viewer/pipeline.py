@@ -206,7 +206,7 @@ class Renderer:
 
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
-        return self._runner.targets.bytes()
+        return self._runner.target_bytes()
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""

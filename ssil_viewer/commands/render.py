@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
 import re
 import sys
 from collections.abc import Mapping
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".exr", ".npz")
 # Frames after which the running mean of the temporal filter has taken most of the noise out.
 TEMPORAL_FRAMES = 16
-# A driver that fails below this size has another reason than the size.
-_ORDINARY_SIDE = 4096
 # A buffer that is read back: as four floats by OpenGL, again as bytes, and as the array.
 _READ_BACK_BYTES = 48
 # Buffers that an EXR holds beside the image, where they exist.
@@ -61,8 +58,6 @@ def run(args: argparse.Namespace) -> None:
     camera = shared.camera_of(args, scene)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
-    import moderngl
-
     from ssil_viewer.gpu.context import create_headless_context
     from ssil_viewer.pipeline import Renderer
 
@@ -83,35 +78,23 @@ def run(args: argparse.Namespace) -> None:
                 print_timings(renderer)
         finally:
             renderer.release()
-    except moderngl.Error as error:
-        if max(args.size) <= _ORDINARY_SIDE:
-            raise
-        shown = f"{args.size[0]}x{args.size[1]}"
-        raise UserError(f"OpenGL refused to render {shown} ({error})", "--size", "give a smaller one") from error
     finally:
         context.release()
 
 
 def _check_memory(renderer: Renderer) -> None:
-    """Refuses an image that would have the system kill the program half-way; only where OpenGL uses main memory.
+    """Refuses an image that could be rendered, but not read back: buffers come to main memory one by one.
 
     Raises:
-        UserError: There is less memory than the render targets and reading them back take.
+        UserError: There is less memory than that takes, with the render targets where OpenGL uses main memory.
     """
-    if not renderer.capabilities.software:
-        return
-    try:
-        available = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-        # Counts what caches would give back, too; Linux only.
-        found = re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(encoding="ascii"))
-        available = int(found[1]) * 1024 if found else available
-    except (OSError, ValueError, AttributeError):
-        return
-    needed = sum(renderer.target_bytes().values()) + _READ_BACK_BYTES * renderer.size[0] * renderer.size[1]
-    if needed > available:
-        shown = f"{renderer.size[0]}x{renderer.size[1]}"
-        raise UserError(f"an image of {shown} takes {needed / 1e9:.1f} GB of memory and {available / 1e9:.1f} are free",
-                        "--size", "give a smaller one")
+    from ssil_viewer.gpu.memory import require_memory
+
+    width, height = renderer.size
+    # Software OpenGL has promised the targets their memory, but not taken it before it draws.
+    targets = sum(renderer.target_bytes().values()) if renderer.capabilities.software else 0
+    require_memory(targets + _READ_BACK_BYTES * width * height, f"an image of {width}x{height}", "--size",
+                   "give a smaller one")
 
 
 def _parse_view(text: str) -> tuple[str, int | None]:

@@ -8,6 +8,8 @@ from typing import Sequence
 import moderngl
 import numpy as np
 
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.memory import allocating
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.scene.model import Light
 
@@ -103,17 +105,17 @@ class LightTable:
             bounds: (2, 3) box of the geometry relative to `origin`.
             resolution: Side of a directional light's tile; spots get a half, point lights' faces a quarter.
             max_size: Largest side of a texture.
+
+        Raises:
+            UserError: The atlas or a table cannot be allocated; all stays as it was then.
         """
         sides = self._tile_sides(lights, resolution, max_size)
         corners, atlas_size = _pack_squares([s for light_sides in sides for s in light_sides])
-        self.tiles = []
-        self.count = len(lights)
-        self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
-                           if light.cast_shadow and not s]
+        tiles: list[Tile] = []
         rows = np.zeros((max(len(lights), 1), LIGHT_TEXELS, 4), np.float32)
         tile_rows: list[np.ndarray] = []
         for row, light, light_sides in zip(rows, lights, sides):
-            first = len(self.tiles) if light_sides else -1
+            first = len(tiles) if light_sides else -1
             position = np.asarray(light.position, np.float64) - origin
             direction = np.asarray(light.direction, np.float64)
             scale = 1.0 / max(np.cos(light.inner_cone) - np.cos(light.outer_cone), 1e-3)
@@ -123,28 +125,49 @@ class LightTable:
             row[3] = (scale, -np.cos(light.outer_cone) * scale, 0.0, 0.0)
             for (matrix, at_unit_distance, constant), side in zip(_views(light, position, bounds, light_sides),
                                                                   light_sides):
-                corner = corners[len(self.tiles)]
-                self.tiles.append(Tile(corner, side, matrix))
+                corner = corners[len(tiles)]
+                tiles.append(Tile(corner, side, matrix))
                 tile = np.zeros((TILE_TEXELS, 4), np.float32)
                 tile[:4] = matrix
                 # One atlas size in both directions keeps uv scale and texel a single number each
                 tile[4] = (corner[0] / atlas_size, corner[1] / atlas_size, side / atlas_size, 1 / atlas_size)
                 tile[5] = (at_unit_distance, constant, 0.0, 0.0)
                 tile_rows.append(tile)
-        self.table = self._write(self.table, rows)
-        self.tiles_table = self._write(self.tiles_table, np.array(tile_rows or [np.zeros((TILE_TEXELS, 4))], np.float32))
-        if self.atlas.size != (atlas_size, atlas_size):
-            self.framebuffer.release()
-            self.atlas.release()
-            self.atlas = self._create_atlas((atlas_size, atlas_size))
-            self.framebuffer = self._context.framebuffer(depth_attachment=self.atlas)
+        self._fit(len(rows), max(len(tile_rows), 1), atlas_size)
+        self.table.write(rows.tobytes())
+        self.tiles_table.write(np.array(tile_rows or [np.zeros((TILE_TEXELS, 4))], np.float32).tobytes())
+        self.tiles = tiles
+        self.count = len(lights)
+        self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
+                           if light.cast_shadow and not s]
 
-    def _write(self, texture: moderngl.Texture, rows: np.ndarray) -> moderngl.Texture:
-        if texture.size != (rows.shape[1], rows.shape[0]):
-            texture.release()
-            texture = float_table(self._context, rows.shape[1], rows.shape[0])
-        texture.write(np.ascontiguousarray(rows, np.float32).tobytes())
-        return texture
+    def _fit(self, lights: int, tiles: int, atlas_size: int) -> None:
+        """Replace the textures whose size is not the one needed, all of them or none."""
+        made: list[moderngl.Texture | moderngl.Framebuffer] = []
+        table, tiles_table, atlas, framebuffer = self.table, self.tiles_table, self.atlas, self.framebuffer
+        try:
+            with allocating(self._context, f"the shadow maps of {lights} lights", "--shadow-resolution",
+                            "give a smaller one"):
+                if table.height != lights:
+                    table = float_table(self._context, LIGHT_TEXELS, lights)
+                    made.append(table)
+                if tiles_table.height != tiles:
+                    tiles_table = float_table(self._context, TILE_TEXELS, tiles)
+                    made.append(tiles_table)
+                if atlas.width != atlas_size:
+                    atlas = self._create_atlas((atlas_size, atlas_size))
+                    made.append(atlas)
+                    framebuffer = self._context.framebuffer(depth_attachment=atlas)
+                    made.append(framebuffer)
+        except UserError:
+            for fresh in made:
+                fresh.release()
+            raise
+        for old, new in ((self.framebuffer, framebuffer), (self.atlas, atlas), (self.table, table),
+                         (self.tiles_table, tiles_table)):
+            if old is not new:
+                old.release()
+        self.table, self.tiles_table, self.atlas, self.framebuffer = table, tiles_table, atlas, framebuffer
 
     @staticmethod
     def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int) -> list[list[int]]:

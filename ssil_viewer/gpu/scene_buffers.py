@@ -8,11 +8,14 @@ of draws, and an object moves by rewriting six texels.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import moderngl
 import numpy as np
 
+from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.gl import GLFunctions
+from ssil_viewer.gpu.memory import allocating, require_memory
 from ssil_viewer.scene.model import Material, Scene, TextureRef
 
 OBJECTS_PER_ROW = 128   # shaders/lib/scene.glsl
@@ -21,6 +24,9 @@ MATERIAL_TEXELS = 16
 
 _VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("tangent", "f4", 4), ("texcoords", "f4", 4),
                     ("color", "f2", 4), ("object_material", "i4", 2)])
+# An index has 32 bits; moderngl counts what it draws in 31.
+MAX_VERTICES = 2**32
+MAX_INDICES = 2**31 - 1
 # moderngl buffer formats; shadows skip what they do not need
 FULL_FORMAT = ("3f4 3f4 4f4 4f4 4f2 2i4", ("position", "normal", "tangent", "texcoords", "color", "object_material"))
 MASKED_DEPTH_FORMAT = ("3f4 28x 4f4 4f2 2i4", ("position", "texcoords", "color", "object_material"))
@@ -33,6 +39,8 @@ _SRGB_SLOTS = {"base_color", "emission"}
 # shader variant costs more (a tenth of a second of compilation on software OpenGL) than the lookup.
 _SHARED_SLOTS = ("base_color", "normal")
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
+
+_Owned = TypeVar("_Owned", moderngl.Texture, moderngl.Buffer)
 
 
 @dataclass(frozen=True)
@@ -67,34 +75,53 @@ class GpuScene:
         groups: Draw calls, opaque ones first.
         opaque_count: Number of indices, from the first, that belong to opaque groups.
         has_occlusion_maps: Some material darkens indirect light.
+
+    Raises:
+        UserError: The scene is too large for OpenGL or for memory; nothing is allocated then.
     """
 
     def __init__(self, context: moderngl.Context, scene: Scene, software: bool = False) -> None:
+        _check_size(context, scene)
         self._context = context
         low, high = scene.bounds()
         self.origin = (low + high) / 2
         self.bounds = np.stack([low - self.origin, high - self.origin])
         self.has_occlusion_maps = any(m.occlusion_texture for m in scene.materials)
         self.arrays: list[moderngl.TextureArray] = []
+        self._tables: list[moderngl.Texture | moderngl.Buffer] = []
         # (image, srgb) -> (array, layer)
         self._places: dict[tuple[int, bool], tuple[int, int]] = {}
+        try:
+            with allocating(context, f"a scene of {scene.triangle_count} triangles and {len(scene.images)} textures",
+                            scene.name, "use a smaller one"):
+                self._upload(scene, software)
+        except BaseException:
+            self.release()
+            raise
+
+    def _upload(self, scene: Scene, software: bool) -> None:
         self._upload_images(scene, software)
         self._shared = [slot for slot in _SHARED_SLOTS if any(getattr(m, f"{slot}_texture") for m in scene.materials)]
         if self._shared:
-            self.arrays.append(GLFunctions(context).texture_array([np.full((1, 1, 4), 255, np.uint8)], False))
-        self.materials = self._material_table(scene.materials)
+            white = np.full((1, 1, 4), 255, np.uint8)
+            self.arrays.append(GLFunctions(self._context).texture_array([white], False))
+        self.materials = self._own(self._material_table(scene.materials))
         self._transforms = np.zeros((max(len(scene.instances), 1), OBJECT_TEXELS, 4), np.float32)
         for index, instance in enumerate(scene.instances):
             self._set_rows(index, instance.world_from_object)
         self._transforms[:, 3:] = self._transforms[:, :3]
         rows = -(-len(self._transforms) // OBJECTS_PER_ROW)
-        self.objects = float_table(context, OBJECTS_PER_ROW * OBJECT_TEXELS, rows)
+        self.objects = self._own(float_table(self._context, OBJECTS_PER_ROW * OBJECT_TEXELS, rows))
         self._moved = True
         self._settle = False
         self.upload_transforms()
         vertices, indices = self._merge(scene)
-        self.vertex_buffer = context.buffer(vertices.tobytes())
-        self.index_buffer = context.buffer(indices.tobytes())
+        self.vertex_buffer = self._own(self._context.buffer(vertices))
+        self.index_buffer = self._own(self._context.buffer(indices))
+
+    def _own(self, table: _Owned) -> _Owned:
+        self._tables.append(table)
+        return table
 
     # -- textures and materials --------------------------------------------------------------------------------
 
@@ -221,8 +248,27 @@ class GpuScene:
 
     def release(self) -> None:
         """Free all GPU memory."""
-        for owned in (*self.arrays, self.materials, self.objects, self.vertex_buffer, self.index_buffer):
+        for owned in (*self.arrays, *self._tables):
             owned.release()
+
+
+def _check_size(context: moderngl.Context, scene: Scene) -> None:
+    """Refuses a scene that cannot be put into one vertex buffer, one index buffer and two tables.
+
+    Raises:
+        UserError: It has too much of something, or main memory cannot hold its vertices while they are merged.
+    """
+    side = int(context.info["GL_MAX_TEXTURE_SIZE"])
+    vertices = sum(len(p.positions) for i in scene.instances for p in scene.meshes[i.mesh].primitives)
+    indices = 3 * scene.triangle_count
+    for count, limit, what in ((len(scene.instances), side * OBJECTS_PER_ROW, "instances"),
+                               (len(scene.materials), side, "materials"),
+                               (vertices, MAX_VERTICES, "vertices"), (indices, MAX_INDICES, "triangle corners")):
+        if count > limit:
+            raise UserError(f"the scene has {count} {what}, and {limit} can be drawn", scene.name, "use a smaller one")
+    # Each array exists in pieces and joined; software OpenGL copies it once more.
+    require_memory(3 * (vertices * _VERTEX.itemsize + 4 * indices), f"a scene of {scene.triangle_count} triangles",
+                   scene.name, "use a smaller one")
 
 
 def float_table(context: moderngl.Context, width: int, height: int) -> moderngl.Texture:

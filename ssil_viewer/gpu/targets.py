@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Literal
+from typing import ContextManager, Iterable, Literal
 
 import moderngl
 
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.memory import allocating
 from ssil_viewer.settings import Settings
+
+_DEPTH_BYTES = 4    # 24 bits, padded
 
 
 @dataclass(frozen=True)
@@ -89,27 +93,54 @@ def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
     return -(-size[0] // 2**level), -(-size[1] // 2**level)
 
 
+def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, Target], depth: bool = False
+                 ) -> dict[str, int]:
+    """Bytes of each target, all levels and histories together, and of the depth buffer if there is one."""
+    total = {"depth_buffer": _DEPTH_BYTES * size[0] * size[1]} if depth else {}
+    for name, target in targets.items():
+        sizes = [level_size(size, level) for level in (*target.levels(settings), *([0] if target.history else []))]
+        total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
+    return total
+
+
 class TargetSet:
-    """All allocated targets of one image size and one set of settings."""
+    """All allocated targets of one image size and one set of settings.
+
+    Args:
+        depth: A depth buffer is needed, too.
+
+    Raises:
+        UserError: They cannot be allocated; nothing is then.
+    """
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings,
-                 targets: dict[str, Target]) -> None:
+                 targets: dict[str, Target], depth: bool = False) -> None:
         self._context = context
         self.size = size
-        self.targets = targets
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._current: dict[tuple[str, int], moderngl.Texture] = {}
         self._previous: dict[str, moderngl.Texture] = {}
         self._depth_buffer: moderngl.Texture | None = None
-        for name, target in targets.items():
-            for level in target.levels(settings):
-                self._current[name, level] = self._create(target, level)
-            if target.history:
-                self._previous[name] = self._create(target, 0)
+        try:
+            for name, target in targets.items():
+                for level in target.levels(settings):
+                    self._current[name, level] = self._create(target, level)
+                if target.history:
+                    self._previous[name] = self._create(target, 0)
+            if depth:
+                with self._allocating():
+                    self._depth_buffer = context.depth_texture(size)
+        except UserError:
+            self.release()
+            raise
+
+    def _allocating(self) -> ContextManager[None]:
+        return allocating(self._context, f"an image of {self.size[0]}x{self.size[1]}", "--size", "give a smaller one")
 
     def _create(self, target: Target, level: int) -> moderngl.Texture:
         form = FORMATS[target.format]
-        texture = self._context.texture(level_size(self.size, level), form.components, dtype=form.dtype)
+        with self._allocating():     # each on its own: the first failure ends it
+            texture = self._context.texture(level_size(self.size, level), form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
         return texture
@@ -138,19 +169,8 @@ class TargetSet:
         colors = list(textures)
         key = (*(t.glo for t in colors), int(depth))
         if key not in self._framebuffers:
-            if depth and self._depth_buffer is None:
-                self._depth_buffer = self._context.depth_texture(self.size)
             self._framebuffers[key] = self._context.framebuffer(colors, self._depth_buffer if depth else None)
         return self._framebuffers[key]
-
-    def bytes(self) -> dict[str, int]:
-        """Bytes of each target, all levels and histories together, and of the depth buffer."""
-        total: dict[str, int] = {"depth_buffer": 4 * self.size[0] * self.size[1]}
-        for (name, level), texture in self._current.items():
-            copies = 2 if level == 0 and name in self._previous else 1
-            size = FORMATS[self.targets[name].format].texel_bytes * texture.size[0] * texture.size[1]
-            total[name] = total.get(name, 0) + copies * size
-        return total
 
     def release(self) -> None:
         """Free all GPU memory."""
