@@ -85,5 +85,6 @@ def find_buffer(buffers: dict[str, BufferInfo], name: str, level: int) -> Buffer
         raise UserError(f"{name!r} {reason}", "--view", hint)
     levels = buffers[name].levels
     if level not in levels:
-        raise UserError(f"{name!r} has no level {level}", "--view", f"it has levels {levels.start} to {levels.stop - 1}")
+        raise UserError(f"{name!r} has no level {level}", "--view",
+                        f"it has levels {levels.start} to {levels.stop - 1}")
     return buffers[name]

@@ -12,9 +12,10 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import View, make_frame, radius_texels
 from ssil_viewer.gpu.context import read_capabilities
+from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet, target_bytes
+from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, target_bytes
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
@@ -84,6 +85,11 @@ class Frame:
         targets = self.runner.targets
         return targets.framebuffer((targets.texture(name) for name in owner.writes), depth)
 
+    def clear(self, owner: Pass, depth: bool) -> None:
+        """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
+        formats = (FORMATS[target.format] for target in owner.writes.values())
+        self.runner.gl.clear([form.dtype.startswith("u") for form in formats], depth)
+
 
 class PassRunner:
     """A sequence of passes with all that it needs on the GPU, for one image size and one set of settings.
@@ -97,6 +103,7 @@ class PassRunner:
     Attributes:
         declared: Name -> target, of all that are allocated.
         targets: The textures.
+        gl: OpenGL functions that moderngl lacks.
         frame_index: Frames since the history began.
 
     Raises:
@@ -120,6 +127,7 @@ class PassRunner:
         self.settings = settings
         self.targets = self._allocate(size, settings)
         self.frame_index = 0
+        self.gl = GLFunctions(context)
         self._previous: View | None = None
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
         self._timers = PassTimers(context, self.capabilities.software)

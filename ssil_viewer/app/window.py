@@ -130,7 +130,10 @@ class Viewer:
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
             self._rendered = True
-            self._renderer.render(self.state.camera.camera())
+            try:
+                self._renderer.render(self.state.camera.camera())
+            except UserError as error:  # no memory for shadow maps, for one; the last picture stays
+                self.state.say(str(error), "error")
             self.frames += 1
             if self.frames == _HINT_FRAME and self.state.frame_time > _SLOW_FRAME:
                 self.state.say("Frames are slow here: try Settings > fast, or Window > Image scale")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from typing import Sequence
 
 import moderngl
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 _TEXTURE_2D_ARRAY = 0x8C1A
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
 _RGBA8, _SRGB8_ALPHA8 = 0x8058, 0x8C43
+_COLOR, _DEPTH = 0x1800, 0x1801
+_ZEROS, _FARTHEST = (ctypes.c_uint * 4)(), (ctypes.c_float * 1)(1.0)
 
 
 class GLFunctions:
@@ -18,10 +21,29 @@ class GLFunctions:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._load = context.mglo._context.load_opengl_function
+        self._loaded: dict[str, ctypes._CFuncPtr] = {}
 
     def _function(self, name: str, *arguments: type) -> ctypes._CFuncPtr:
-        make = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL is stdcall on 32-bit Windows
-        return make(None, *arguments)(self._load(name))
+        if name not in self._loaded:
+            make = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL is stdcall on 32-bit Windows
+            self._loaded[name] = make(None, *arguments)(self._load(name))
+        return self._loaded[name]
+
+    def clear(self, integer: Sequence[bool], depth: bool) -> None:
+        """Set the bound framebuffer's colors to zero and its depth to the farthest.
+
+        moderngl's own clear is glClear, which leaves undefined what becomes of integer attachments.
+
+        Args:
+            integer: Of each color attachment in order, whether it holds unsigned integers.
+            depth: There is a depth buffer.
+        """
+        arguments = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+        for at, whole in enumerate(integer):
+            # All bits zero are zero as integers and as floats
+            self._function("glClearBufferuiv" if whole else "glClearBufferfv", *arguments)(_COLOR, at, _ZEROS)
+        if depth:
+            self._function("glClearBufferfv", *arguments)(_DEPTH, 0, _FARTHEST)
 
     def texture_array(self, layers: list[np.ndarray], srgb: bool) -> moderngl.TextureArray:
         """An array texture of 8-bit RGBA images with mipmaps.

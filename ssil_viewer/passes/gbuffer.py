@@ -33,9 +33,8 @@ class GBuffer(Pass):
 
     def execute(self, frame: SceneFrame) -> None:
         context = frame.context
-        framebuffer = frame.framebuffer(self, depth=True)
         context.enable_only(moderngl.DEPTH_TEST)
-        framebuffer.use()
-        framebuffer.clear()
+        frame.framebuffer(self, depth=True).use()
+        frame.clear(self, depth=True)
         frame.draw_gbuffer(tuple((name, target.format) for name, target in self.writes.items()))
         context.enable_only(moderngl.NOTHING)
