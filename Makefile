@@ -7,14 +7,15 @@ PY = .venv/bin/python
 SCENE ?= builtin:atrium
 ARGS ?=
 
-.PHONY: help run test lint docs wheel
+.PHONY: help run test lint docs pictures wheel
 
 help:
-	@echo "make run    open the viewer (SCENE=file, ARGS=flags); renders to a file where there is no display"
-	@echo "make test   run all tests (ARGS=flags of pytest)"
-	@echo "make lint   check the style"
-	@echo "make docs   write docs/settings.md anew"
-	@echo "make wheel  build dist/*.whl"
+	@echo "make run       open the viewer (SCENE=file, ARGS=flags); renders to a file where there is no display"
+	@echo "make test      run all tests (ARGS=flags of pytest)"
+	@echo "make lint      check the style"
+	@echo "make docs      write docs/settings.md anew"
+	@echo "make pictures  render docs/images anew (ARGS=names of pictures)"
+	@echo "make wheel     build dist/*.whl"
 
 run:
 	@sh tools/setup.sh run
@@ -37,6 +38,10 @@ lint:
 docs:
 	@sh tools/setup.sh run
 	$(PY) tools/make_docs.py
+
+pictures:
+	@sh tools/setup.sh run
+	$(PY) tools/make_pictures.py $(ARGS)
 
 wheel:
 	@sh tools/setup.sh test
