@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ssil_viewer.embed import IndirectLighting
     from ssil_viewer.errors import UserError
     from ssil_viewer.gpu.context import create_headless_context
     from ssil_viewer.headless import render
@@ -21,6 +22,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Camera": "ssil_viewer.scene.model",
+    "IndirectLighting": "ssil_viewer.embed",
     "Light": "ssil_viewer.scene.model",
     "Renderer": "ssil_viewer.pipeline",
     "Scene": "ssil_viewer.scene.model",
@@ -35,8 +37,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Light", "Renderer", "Scene", "Settings", "UserError", "create_headless_context", "default_camera",
-    "load_preset", "load_scene", "load_settings", "render",
+    "Camera", "IndirectLighting", "Light", "Renderer", "Scene", "Settings", "UserError", "create_headless_context",
+    "default_camera", "load_preset", "load_scene", "load_settings", "render",
 ]
 
 

@@ -90,6 +90,33 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
     return View(view, perspective(tan_half, near, far), near, far)
 
 
+def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) -> View:
+    """The view of another program's camera.
+
+    Args:
+        clip_from_view: (4, 4), perspective, with OpenGL's conventions: the camera looks along -Z, y points up, depth
+            goes from -1 to 1 or back. May be off-centre, reversed or infinite. Row-major: translations stand in the
+            last column.
+        view_from_world: (4, 4), rotation and translation.
+
+    Raises:
+        ValueError: A matrix is something else.
+    """
+    clip, view = np.asarray(clip_from_view, np.float64), np.asarray(view_from_world, np.float64)
+    for name, matrix in (("projection", clip), ("view_from_world", view)):
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            raise ValueError(f"{name} must be 4x4 finite numbers")
+    if not np.allclose(clip[3], (0, 0, -1, 0)) or clip[0, 0] <= 0 or clip[1, 1] <= 0 or clip[0, 1] or clip[1, 0]:
+        hint = "; it looks transposed" if np.allclose(clip[:, 3], (0, 0, -1, 0)) else ""
+        raise ValueError(f"projection must be a perspective matrix that looks along -Z{hint}")
+    if not np.allclose(view[:3, :3] @ view[:3, :3].T, np.eye(3), atol=1e-3) or not np.allclose(view[3], (0, 0, 0, 1)):
+        hint = "; it looks transposed" if np.allclose(view[:, 3], (0, 0, 0, 1)) else ""
+        raise ValueError(f"view_from_world must be a rotation and a translation{hint}")
+    # Where depth is -1 and where it is 1; the far plane may lie at infinity
+    ends = [clip[2, 3] / (clip[2, 2] + depth) if clip[2, 2] + depth else np.inf for depth in (-1, 1)]
+    return View(view, clip, min(ends), min(max(ends), 1e30))
+
+
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
                light_count: int, background: tuple[float, float, float], history: bool) -> Frame:
     """The uniform block of one frame.

@@ -99,6 +99,7 @@ class PassRunner:
         size: Image width and height in pixels.
         stage: How screen passes compile; "auto" is compute where OpenGL is 4.3 or newer.
         keep: Optional targets to allocate, such as "final".
+        timed: Passes are timed.
 
     Attributes:
         declared: Name -> target, of all that are allocated.
@@ -113,7 +114,7 @@ class PassRunner:
 
     def __init__(self, context: moderngl.Context, passes: Sequence[type[Pass]], size: tuple[int, int],
                  settings: Settings, *, stage: Literal["auto", "compute", "fragment"] = "auto",
-                 keep: Iterable[str] = ()) -> None:
+                 keep: Iterable[str] = (), timed: bool = True) -> None:
         self.context = context
         self.capabilities = read_capabilities(context)
         if stage == "compute" and not self.capabilities.compute:
@@ -130,7 +131,7 @@ class PassRunner:
         self.gl = GLFunctions(context)
         self._previous: View | None = None
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
-        self._timers = PassTimers(context, self.capabilities.software)
+        self._timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
         self._bound: dict[int, int] = {}
 
@@ -198,8 +199,9 @@ class PassRunner:
     def run(self, frame: Frame, view: View, light_count: int = 0,
             background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         """Run the enabled passes, within `frame()`. Arguments as of `make_frame`."""
+        history = self.settings.temporal and self._previous is not None
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
-                                         light_count, background, self._previous is not None))
+                                         light_count, background, history))
         for p in self.passes:
             if p.enabled(self.settings):
                 with self._timers.measure(p.name):

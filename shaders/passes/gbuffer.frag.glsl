@@ -1,5 +1,6 @@
 // Material and geometry of the nearest surface. One variant per set of textures that a material has.
 #include "lib/material.glsl"
+#include "lib/normals.glsl"
 
 in vec3 position_vs;
 in vec3 normal_vs;
@@ -21,12 +22,6 @@ uniform sampler2DArray metallic_roughness_map;
 uniform sampler2DArray normal_map;
 uniform sampler2DArray occlusion_map;
 uniform sampler2DArray emission_map;
-
-// Length-safe normalization: a zero vector becomes the fallback instead of NaN.
-vec3 normalize_or(vec3 v, vec3 fallback) {
-    float squared = dot(v, v);
-    return squared > 1e-30 ? v * inversesqrt(squared) : fallback;
-}
 
 void main() {
     vec4 base = base_color_factor * vertex_color;
@@ -62,11 +57,7 @@ void main() {
     mapped.xy *= emission_normal_scale.a;
     n = normalize_or(t * mapped.x + b * mapped.y + n * mapped.z, n);
 #endif
-    // What is seen faces the camera: interpolated and mapped normals can point away from it near
-    // silhouettes, where the area that a pixel stands for would be negative.
-    float facing = dot(n, to_camera);
-    const float LEAST_FACING = 0.01;
-    if (facing < LEAST_FACING) n = normalize_or(n + to_camera * (LEAST_FACING - facing), to_camera);
+    n = turned_to_camera(n, to_camera);
 
     // A fully rough dielectric is taken as Lambertian: its specular lobe, 4 % of Fresnel reflection spread
     // over the hemisphere, is not told apart from the diffuse one whose albedo already counts that light.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Sequence
+from contextlib import contextmanager
+from typing import Iterator, Sequence
 
 import moderngl
 import numpy as np
@@ -11,6 +12,9 @@ import numpy as np
 _TEXTURE_2D_ARRAY = 0x8C1A
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
 _RGBA8, _SRGB8_ALPHA8 = 0x8058, 0x8C43
+_TEXTURE_2D, _TEXTURE0, _ACTIVE_TEXTURE = 0x0DE1, 0x84C0, 0x84E0
+_TEXTURE_BINDING_2D, _SAMPLER_BINDING = 0x8069, 0x8919
+_UNIFORM_BUFFER, _UNIFORM_BUFFER_BINDING, _UNIFORM_BUFFER_START, _UNIFORM_BUFFER_SIZE = 0x8A11, 0x8A28, 0x8A29, 0x8A2A
 _COLOR, _DEPTH = 0x1800, 0x1801
 _ZEROS, _FARTHEST = (ctypes.c_uint * 4)(), (ctypes.c_float * 1)(1.0)
 
@@ -28,6 +32,50 @@ class GLFunctions:
             make = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL is stdcall on 32-bit Windows
             self._loaded[name] = make(None, *arguments)(self._load(name))
         return self._loaded[name]
+
+    @contextmanager
+    def saved_bindings(self, units: int) -> Iterator[None]:
+        """Put back, at the end, what is bound to the first texture units and to the first uniform buffer binding.
+
+        Of each unit the 2D texture and the sampler object; moderngl remembers neither.
+        """
+        pointer = ctypes.c_void_p
+        get = self._function("glGetIntegerv", ctypes.c_uint, pointer)
+        get_indexed = self._function("glGetIntegeri_v", ctypes.c_uint, ctypes.c_uint, pointer)
+        get_indexed_64 = self._function("glGetInteger64i_v", ctypes.c_uint, ctypes.c_uint, pointer)
+        activate = self._function("glActiveTexture", ctypes.c_uint)
+        bind_texture = self._function("glBindTexture", ctypes.c_uint, ctypes.c_uint)
+        bind_sampler = self._function("glBindSampler", ctypes.c_uint, ctypes.c_uint)
+        bind_buffer = self._function("glBindBufferBase", *(ctypes.c_uint,) * 3)
+        bind_range = self._function("glBindBufferRange", *(ctypes.c_uint,) * 3, ctypes.c_ssize_t, ctypes.c_ssize_t)
+
+        def value(name: int) -> int:
+            found = ctypes.c_int()
+            get(name, ctypes.byref(found))
+            return found.value
+
+        active = value(_ACTIVE_TEXTURE)
+        saved = []
+        for unit in range(units):
+            activate(_TEXTURE0 + unit)
+            saved.append((value(_TEXTURE_BINDING_2D), value(_SAMPLER_BINDING)))
+        activate(active)
+        buffer, start, size = ctypes.c_int(), ctypes.c_int64(), ctypes.c_int64()
+        get_indexed(_UNIFORM_BUFFER_BINDING, 0, ctypes.byref(buffer))
+        get_indexed_64(_UNIFORM_BUFFER_START, 0, ctypes.byref(start))
+        get_indexed_64(_UNIFORM_BUFFER_SIZE, 0, ctypes.byref(size))
+        try:
+            yield
+        finally:
+            for unit, (texture, sampler) in enumerate(saved):
+                activate(_TEXTURE0 + unit)
+                bind_texture(_TEXTURE_2D, texture)
+                bind_sampler(unit, sampler)
+            activate(active)
+            if size.value:
+                bind_range(_UNIFORM_BUFFER, 0, buffer.value, start.value, size.value)
+            else:
+                bind_buffer(_UNIFORM_BUFFER, 0, buffer.value)
 
     def clear(self, integer: Sequence[bool], depth: bool) -> None:
         """Set the bound framebuffer's colors to zero and its depth to the farthest.

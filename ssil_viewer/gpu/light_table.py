@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.memory import allocating
+from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.scene.model import Light
 
@@ -163,8 +163,9 @@ class LightTable:
             for fresh in made:
                 fresh.release()
             raise
-        for old, new in ((self.framebuffer, framebuffer), (self.atlas, atlas), (self.table, table),
-                         (self.tiles_table, tiles_table)):
+        if framebuffer is not self.framebuffer:
+            release_framebuffers(self._context, [self.framebuffer])
+        for old, new in ((self.atlas, atlas), (self.table, table), (self.tiles_table, tiles_table)):
             if old is not new:
                 old.release()
         self.table, self.tiles_table, self.atlas, self.framebuffer = table, tiles_table, atlas, framebuffer
@@ -190,7 +191,8 @@ class LightTable:
 
     def release(self) -> None:
         """Free all GPU memory."""
-        for owned in (self.framebuffer, self.atlas, self.table, self.tiles_table):
+        release_framebuffers(self._context, [self.framebuffer])
+        for owned in (self.atlas, self.table, self.tiles_table):
             owned.release()
 
 

@@ -1,4 +1,4 @@
-"""Memory that is not there, told as one kind of error: before the attempt where that can be known, or after it."""
+"""Memory: failures to get it, told as one kind of error, before the attempt or after it; and giving it back."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import re
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Iterator
+from typing import Collection, Iterator
 
 import moderngl
 
@@ -44,6 +44,18 @@ def require_memory(needed: int, what: str, where: str, advice: str) -> None:
                         advice)
 
 
+def release_framebuffers(context: moderngl.Context, framebuffers: Collection[moderngl.Framebuffer]) -> None:
+    """Release framebuffers. If one of them is bound, the window's own is bound instead.
+
+    moderngl binds what was bound before whenever it has made or cleared another one: a released framebuffer must not
+    be that one.
+    """
+    if context.fbo in framebuffers:
+        (context.screen or context.detect_framebuffer(0)).use()
+    for framebuffer in framebuffers:
+        framebuffer.release()
+
+
 @contextmanager
 def allocating(context: moderngl.Context, what: str, where: str, advice: str) -> Iterator[None]:
     """Around the creation of textures, buffers and framebuffers. The caller frees what it got before the failure.
@@ -58,8 +70,8 @@ def allocating(context: moderngl.Context, what: str, where: str, advice: str) ->
         _take_errors(context)
         raise UserError(f"{what} cannot be allocated ({error or 'out of memory'})", where, advice) from error
     # moderngl hands out textures and buffers without storage and leaves it to OpenGL to complain
-    if errors := _take_errors(context):
-        reason = "out of graphics memory" if "GL_OUT_OF_MEMORY" in errors else errors[0]
+    reasons = {"GL_OUT_OF_MEMORY": "out of graphics memory", "GL_INVALID_VALUE": "too large for this OpenGL"}
+    if reason := next((reasons[error] for error in _take_errors(context) if error in reasons), None):
         raise UserError(f"{what} cannot be allocated ({reason})", where, advice)
 
 

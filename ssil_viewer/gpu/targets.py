@@ -8,7 +8,7 @@ from typing import ContextManager, Iterable, Literal
 import moderngl
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.memory import allocating
+from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.settings import Settings
 
 _DEPTH_BYTES = 4    # 24 bits, padded
@@ -174,7 +174,7 @@ class TargetSet:
 
     def release(self) -> None:
         """Free all GPU memory."""
-        for owned in (*self._framebuffers.values(), *self._current.values(), *self._previous.values(),
-                      self._depth_buffer):
+        release_framebuffers(self._context, self._framebuffers.values())
+        for owned in (*self._current.values(), *self._previous.values(), self._depth_buffer):
             if owned is not None:
                 owned.release()

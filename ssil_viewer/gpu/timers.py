@@ -53,10 +53,16 @@ def summarize(samples: deque[float] | list[float]) -> PassTime:
 
 
 class PassTimers:
-    """Times every pass of a frame; passes are flat, since time queries cannot nest."""
+    """Times every pass of a frame; passes are flat, since time queries cannot nest.
 
-    def __init__(self, context: moderngl.Context, software: bool) -> None:
+    Args:
+        software: The CPU renders.
+        enabled: False measures nothing, and so costs nothing and gets into nobody's way.
+    """
+
+    def __init__(self, context: moderngl.Context, software: bool, enabled: bool = True) -> None:
         self._context = context
+        self._enabled = enabled
         self.source: Literal["gpu", "wall"] = "wall" if software else "gpu"
         self._samples: dict[str, deque[float]] = {}
         self._rings: dict[str, list[moderngl.Query]] = {}
@@ -74,6 +80,9 @@ class PassTimers:
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Around a whole frame."""
+        if not self._enabled:
+            yield
+            return
         start = time.perf_counter()
         yield
         if self.source == "wall":
@@ -85,6 +94,9 @@ class PassTimers:
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
         """Around one pass."""
+        if not self._enabled:
+            yield
+            return
         if self.source == "wall":
             self._context.finish()
             start = time.perf_counter()

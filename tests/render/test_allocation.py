@@ -10,7 +10,6 @@ import pytest
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import memory, scene_buffers
-from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.settings import Settings
@@ -20,13 +19,11 @@ SIZE = (24, 16)
 
 
 @pytest.fixture
-def renderer():
-    context = create_headless_context()
+def renderer(context):
     made = Renderer(context, SIZE, Settings(temporal=False), keep=("final",))
     made.set_scene(scenes.cornell())
     yield made
     made.release()
-    context.release()
 
 
 def picture(renderer) -> np.ndarray:
@@ -131,3 +128,16 @@ def test_what_somebody_else_did_wrong_is_not_a_failure_to_allocate(renderer):
     renderer.context.enable_direct(0xFFFF)    # GL_INVALID_ENUM, pending
     renderer.resize((32, 16))
     assert picture(renderer).shape == (16, 32, 3)
+
+
+def test_no_framebuffer_stays_bound_after_its_release(context, stage):
+    """moderngl would bind it again later, and OpenGL complain."""
+    for size in (SIZE, (8, 8)):
+        renderer = Renderer(context, size, Settings(temporal=False), stage=stage, keep=("final",))
+        renderer.set_scene(scenes.cornell())
+        picture(renderer)
+        renderer.resize((9, 7))
+        picture(renderer)
+        renderer.release()
+    context.simple_framebuffer((4, 4))
+    assert context.error == "GL_NO_ERROR"

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera, Material
 from ssil_viewer.settings import Settings
 from tests import scenes
-
-
-@pytest.fixture
-def context():
-    made = create_headless_context()
-    yield made
-    assert made.error == "GL_NO_ERROR"
-    made.release()
 
 
 def test_integer_and_float_attachments_are_cleared(context):

@@ -18,7 +18,7 @@ LAYERS = (
     ("passes",),
     ("pass_runner",),
     ("pipeline",),
-    ("headless",),
+    ("headless", "embed"),
     ("app", "measure"),
     ("commands",),
     ("cli",),
