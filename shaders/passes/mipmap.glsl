@@ -1,5 +1,5 @@
-// One level of the pyramid from the finer one. Each texel takes the depth and normal of one of its four
-// finer texels whole: the one that its 4x4 neighbourhood supports most. MIP_FILTER: 0 vote, 1 nearest, 2 average.
+// One level of the pyramid from the finer one. Each texel takes the surface of one of its four finer texels: the one
+// that its 4x4 neighbourhood supports most. MIP_FILTER: 0 vote, 1 nearest, 2 average.
 
 #if MIP_FILTER == 0
 // The four finer texels of a block, component by component, so that one neighbour is compared with all at once.
@@ -18,6 +18,22 @@ vec4 support(Candidates a, Surface b, vec3 q) {
     vec4 off_plane = abs(a.normal_x * q.x + a.normal_y * q.y + a.normal_z * q.z - a.offset);
     return facing * exp2(off_plane * a.falloff);
 }
+
+// Votes that a finer texel brings: the share of its own footprint that its surface has. So the largest surface of
+// the whole footprint wins, not the largest of the last few texels, and a near tie is rare.
+float votes(ivec2 at) {
+#ifdef HAS_FINER_WINNER
+    return float(load_finer_winner(at) >> 2u) * (1.0 / 63.0);
+#else
+    return 1.0;
+#endif
+}
+
+// Weight of the 4x4 neighbour `offset` (0 to 3): a tent that reaches a texel beyond the block on every side. Windows
+// of neighbouring blocks overlap, so what moves from one to the next fades over instead of jumping.
+float tent(ivec2 offset) {
+    return (offset.x == 0 || offset.x == 3 ? 0.125 : 0.375) * (offset.y == 0 || offset.y == 3 ? 0.125 : 0.375);
+}
 #endif
 
 void shade(ivec2 px) {
@@ -25,7 +41,7 @@ void shade(ivec2 px) {
     ivec2 base = px * 2;
 
 #if MIP_FILTER == 0
-    const float SIGMA = 0.01;                                   // of the view depth
+    const float SIGMA = 0.03;                                   // of the view depth
     vec2 scale = frame.ray_scale * texel;
     Surface block[4];
     Candidates candidates;
@@ -47,10 +63,11 @@ void shade(ivec2 px) {
     }
     vec4 score = vec4(0.0);
     for (int j = 0; j < neighbours; ++j) {                      // 4x4; each candidate also supports itself, alike
-        ivec2 at = clamp(base + ivec2(j & 3, j >> 2) - 1, ivec2(0), last);
+        ivec2 offset = ivec2(j & 3, j >> 2);
+        ivec2 at = clamp(base + offset - 1, ivec2(0), last);
         Surface b = load_surface(at);
         vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), b.view_depth);
-        if (b.view_depth > 0.0) score += support(candidates, b, q);
+        if (b.view_depth > 0.0) score += votes(at) * tent(offset) * support(candidates, b, q);
     }
     int winner = 0;
     Surface kept = block[0];
@@ -65,16 +82,35 @@ void shade(ivec2 px) {
             kept = block[c];
         }
     }
-    // The texel's position is rebuilt at its own centre, half a finer texel from where the winner lay: the winner
-    // slides there along its tangent plane, but never out of the depths that the block really has. Without this a
-    // slanted surface moves by half a texel at each level, to the same side, since equal scores go to the first.
-    vec2 from = ray_from_pixel(vec2(base + ivec2(winner & 1, winner >> 1)) + 0.5, scale, frame.ray_origin);
-    vec2 to = ray_from_pixel(vec2(base) + 1.0, scale, frame.ray_origin);
-    float ahead = dot(kept.normal, vec3(to, -1.0));
-    float slid = kept.view_depth * dot(kept.normal, vec3(from, -1.0)) / (ahead < -1e-4 ? ahead : -1e-4);
-    if (kept.view_depth > 0.0) kept.view_depth = clamp(slid, nearest, farthest);
+
+    // The winner's surface, as all texels that lie on it have it: their mean normal, and their mean depth after each
+    // slid along its own tangent plane to the centre of this texel, but never out of the depths that the block has.
+    // Other surfaces have no weight here, so nothing is invented between them. Without sliding, a slanted surface
+    // moves by half a texel at each level, to the same side, since equal scores go to the first.
+    vec2 center = ray_from_pixel(vec2(base) + 1.0, scale, frame.ray_origin);
+    vec3 normal = vec3(0.0);
+    float depth = 0.0, total = 0.0;
+    for (int j = 0; j < neighbours; ++j) {
+        ivec2 offset = ivec2(j & 3, j >> 2);
+        ivec2 at = clamp(base + offset - 1, ivec2(0), last);
+        Surface b = load_surface(at);
+        if (b.view_depth <= 0.0 || kept.view_depth <= 0.0) continue;
+        vec2 ray = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
+        float facing = max(dot(kept.normal, b.normal), 0.0);
+        float off_plane = abs(dot(kept.normal, position_from_ray(ray, b.view_depth)) - candidates.offset[winner]);
+        // Milder than in the vote: bumps of one surface should average out
+        float same = facing * facing * exp2(off_plane * candidates.falloff[winner] * 0.2);
+        float weight = same * votes(at) * tent(offset);
+        float ahead = dot(b.normal, vec3(center, -1.0));
+        float slid = b.view_depth * dot(b.normal, vec3(ray, -1.0)) / (ahead < -1e-4 ? ahead : -1e-4);
+        normal += weight * b.normal;
+        depth += weight * clamp(slid, nearest, farthest);
+        total += weight;
+    }
+    float squared = dot(normal, normal);
+    if (total > 0.0 && squared > 0.0) kept = Surface(depth / total, normal * inversesqrt(squared));
     out_surface = kept;
-    out_winner = uint(winner);
+    out_winner = uint(winner) | (uint(clamp(total, 0.0, 1.0) * 63.0 + 0.5) << 2);
 #elif MIP_FILTER == 1
     out_surface = load_surface(base);
     out_winner = 0u;

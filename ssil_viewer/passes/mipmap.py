@@ -15,14 +15,17 @@ if TYPE_CHECKING:
 class Mipmap(ScreenPass):
     """Levels 1 to the last one of depth, normal and radiance; geometry by vote, radiance by average.
 
-    Source: Soler et al. 2010, "voting mipmaps". The weights are our own (docs/method/mipmap.md).
+    Source: Soler et al. 2010, "voting mipmaps". Differs: a texel votes with the share of its footprint that it stands
+    for, and the winner's surface is averaged over the texels that lie on it (docs/method/mipmap.md).
     """
 
     name = "mipmap"
     shader = "passes/mipmap.glsl"
-    reads = {"surface": Read.of("surface", offset=-1), "radiance": Read.of("radiance", offset=-1)}
+    reads = {"surface": Read.of("surface", offset=-1), "radiance": Read.of("radiance", offset=-1),
+             "finer_winner": Read.of("winner", offset=-1, optional=True)}
     extends = ("surface", "radiance")
-    writes = {"winner": Target("index8", "which of its four finer texels a texel kept: x + 2 y", "coarse")}
+    writes = {"winner": Target("index8", "which of its four finer texels a texel kept, x + 2 y, and in the "
+                                      "upper six bits the share of its footprint that lies on that surface", "coarse")}
     uniforms = {"texel": "float", "neighbours": "int"}
 
     def enabled(self, settings: Settings) -> bool:
@@ -30,7 +33,9 @@ class Mipmap(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
+        voted = frame.settings.mip_filter == "vote"
         for level in range(1, frame.settings.last_level + 1):
+            omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
             # texel: width of a texel that is read, in level-0 pixels. The number of neighbours is a uniform so that
             # compilers keep the loop: unrolled, it took one of them over a second.
-            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 16}, (chosen,))
+            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 16}, (chosen,), omit)
