@@ -22,6 +22,7 @@ from ssil_viewer.scene.gltf_nodes import (
     PlacedNode,
     instance_transforms,
     place_nodes,
+    read_background,
     read_cameras,
     read_lights,
 )
@@ -85,6 +86,7 @@ def _load(document: Document, name: str) -> Scene:
     placed = Scene(name, tuple(meshes.meshes), tuple(instances))
     low, high = placed.bounds()
     cameras = read_cameras(document, nodes, (low + high) / 2.0)
+    background = read_background(document)
     animations = _animation_names(document)
     _report_extensions(document)
     return Scene(
@@ -95,6 +97,7 @@ def _load(document: Document, name: str) -> Scene:
         images=images,
         lights=lights,
         cameras=cameras,
+        background=background,
         animations=animations,
         warnings=warnings.sentences(),
     )

@@ -32,6 +32,9 @@ MIN_CONE = math.radians(0.1)
 MAX_INSTANCES = 1_000_000
 """Instances that one node may ask for; a few bytes of a file can claim any number."""
 
+MAX_BACKGROUND = 65000.0
+"""Brightest backdrop, W m^-2 sr^-1: render targets are half floats, which end at 65504."""
+
 _TRANSFORM_KEYS = {"matrix", "translation", "rotation", "scale"}
 
 
@@ -89,13 +92,36 @@ def _scene_roots(document: Document, parentless: list[int]) -> list:
     scenes = list_at(document.json, "scenes")
     if not scenes:
         return parentless
-    active = index_at(document.json, "scene") or 0
-    if active >= len(scenes):
-        document.warnings.add("the active scene does not exist, the first is shown", f"scene {active}")
-        active = 0
+    wanted, active = index_at(document.json, "scene") or 0, _active_scene(document)
+    if wanted != active:
+        document.warnings.add("the active scene does not exist, the first is shown", f"scene {wanted}")
     if len(scenes) > 1:
         document.warnings.add(f"only one of the file's {len(scenes)} scenes is shown", f"scene {active}")
     return list_at(document.entry("scenes", active), "nodes")
+
+
+def _active_scene(document: Document) -> int:
+    active = index_at(document.json, "scene") or 0
+    return active if active < len(list_at(document.json, "scenes")) else 0
+
+
+def read_background(document: Document) -> tuple[float, float, float]:
+    """Radiance of the backdrop, `extras.background` of the active scene: our own convention. Black when absent."""
+    black = (0.0, 0.0, 0.0)
+    if not list_at(document.json, "scenes"):
+        return black
+    extras = document.entry("scenes", _active_scene(document)).get("extras")
+    if not isinstance(extras, dict):    # anything may stand there, and it means nothing to us
+        return black
+    try:
+        found = vector_at(extras, "background", black)
+    except Malformed:
+        found = (-1.0,)
+    if not all(0.0 <= value <= MAX_BACKGROUND for value in found):
+        shown = f"{MAX_BACKGROUND:g}"
+        document.warnings.note(f"the background is not three numbers from 0 to {shown} and was left out")
+        return black
+    return found
 
 
 def _walk(document: Document, roots: list, locals_: np.ndarray, worlds: dict[int, np.ndarray]) -> list[PlacedNode]:

@@ -27,7 +27,7 @@ def shines(scene: Scene) -> bool:
 
 
 def with_default_light(scene: Scene) -> Scene:
-    """The scene itself when something in it shines, else with a sun, a backdrop, and a warning that says so."""
+    """The scene itself when something in it shines, else with a sun, a backdrop unless it has one, and a warning."""
     if shines(scene):
         return scene
     horizontal = math.cos(SUN_ELEVATION)
@@ -46,4 +46,5 @@ def with_default_light(scene: Scene) -> Scene:
         ),
     )
     warning = "nothing in the scene shines, so a default sun was added"
-    return replace(scene, lights=(sun,), background=SKY_RADIANCE, warnings=(*scene.warnings, warning))
+    sky = scene.background if any(scene.background) else SKY_RADIANCE
+    return replace(scene, lights=(sun,), background=sky, warnings=(*scene.warnings, warning))

@@ -141,6 +141,7 @@ def test_glossy_has_a_mirror_and_emitters() -> None:
 def test_background_convention() -> None:
     document, _ = _read_glb(ASSETS / "scenes" / "atrium.glb")
     assert document["scenes"][0]["extras"]["background"] == [0.55, 0.75, 1.1]
+    assert load_scene("builtin:atrium").background == (0.55, 0.75, 1.1)
 
 
 def test_files_stay_small() -> None:

@@ -10,6 +10,7 @@ from PIL import Image
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene import Scene, load_scene
+from ssil_viewer.scene.lights import SKY_RADIANCE
 from tests.gltf_builder import QUAD, QUAD_INDICES, QUAD_NORMALS, QUAD_UV, GltfBuilder, png, quad_scene
 
 SUN = "default sun"
@@ -647,3 +648,32 @@ def test_equal_cone_angles_are_a_hard_edge(tmp_path):
     (spot,) = scene.lights
     assert 0.49 < spot.inner_cone < spot.outer_cone == 0.5
     assert warnings(scene) == []
+
+
+# -- background ----------------------------------------------------------------------------------------------------
+
+
+def test_the_background_of_the_active_scene(tmp_path):
+    builder = quad_scene()
+    builder.json["scenes"] = [{"nodes": []}, {"nodes": [0], "extras": {"background": [0.5, 0, 2.25]}}]
+    builder.json["scene"] = 1
+    assert load(builder, tmp_path).background == (0.5, 0.0, 2.25)
+
+
+@pytest.mark.parametrize("extras", [None, 3, "sky", [1, 2, 3], {}, {"other": [1, 2, 3]}], ids=str)
+def test_a_scene_without_background_gets_the_default_suns(tmp_path, extras):
+    builder = quad_scene()
+    builder.json["scenes"][0]["extras"] = extras
+    scene = load(builder, tmp_path)
+    assert scene.background == SKY_RADIANCE
+    assert warnings(scene) == []
+
+
+@pytest.mark.parametrize("value", ["blue", None, 1.0, [], [1, 1], [1, 1, 1, 1], [1, -0.1, 1], [1e9, 1, 1],
+                                   [1, 1, True], [1, 1, "1"], [1, 1, float("nan")], [1, float("inf"), 1], {}], ids=str)
+def test_a_background_that_makes_no_sense(tmp_path, value):
+    builder = quad_scene()
+    builder.json["scenes"][0]["extras"] = {"background": value}
+    scene = load(builder, tmp_path)
+    assert scene.background == SKY_RADIANCE
+    assert ["background" in warning for warning in warnings(scene)] == [True]

@@ -97,7 +97,7 @@ def test_dark_scenes_get_a_sun_and_say_so(tmp_path):
     scene = load_scene(quad_scene().write(tmp_path))
     (sun,) = scene.lights
     assert sun.kind == "directional" and sun.color == (1, 1, 1)
-    assert math.degrees(math.asin(-sun.direction[1])) == pytest.approx(50)
+    assert math.degrees(math.asin(-sun.direction[1])) == pytest.approx(72)
     assert np.linalg.norm(sun.direction) == pytest.approx(1)
     assert max(scene.background) > 0
     assert "default sun" in scene.warnings[-1]
