@@ -45,7 +45,7 @@ void shade(ivec2 px) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float new_light = dot(current, LUMINANCE), old_light = dot(history.rgb, LUMINANCE);
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
-    float longest = mix(float(frame.history_frames), 2.0, smoothstep(0.3, 0.7, change));
+    float longest = mix(float(frame.history_frames), 2.0, smoothstep(0.5, 0.9, change));
     float count = min(history.a + 1.0, longest);
     out_irradiance = vec4(mix(history.rgb, current, 1.0 / count), count);
 }
