@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssil_viewer.scene.model import Instance, Light, Material, Mesh, Primitive, Scene
+from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Primitive, Scene
+
+CORNELL_CAMERA = Camera(eye=(0.0, 0.0, 3.2), vertical_fov=0.8)
 
 
 def rectangle(corner, edge_u, edge_v, material: int = 0, steps: int = 1) -> Primitive:
@@ -24,6 +26,17 @@ def rectangle(corner, edge_u, edge_v, material: int = 0, steps: int = 1) -> Prim
     texcoords[:, 0, 0], texcoords[:, 0, 1] = u.ravel(), v.ravel()
     return Primitive(positions.astype(np.float32), np.tile(normal, (len(positions), 1)).astype(np.float32), None,
                      texcoords, None, indices.astype(np.uint32), material)
+
+
+def polygon(corners, material: int = 0) -> Primitive:
+    """A convex flat polygon as a fan; its front face looks along the turn of its corners (right-hand rule)."""
+    corners = np.asarray(corners, np.float64)
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal /= np.linalg.norm(normal)
+    at = np.arange(1, len(corners) - 1)
+    return Primitive(corners.astype(np.float32), np.tile(normal, (len(corners), 1)).astype(np.float32), None,
+                     np.zeros((len(corners), 2, 2), np.float32), None,
+                     np.stack([np.zeros_like(at), at, at + 1], 1).astype(np.uint32), material)
 
 
 def box(center, size, material: int = 0, inward: bool = False) -> tuple[Primitive, ...]:

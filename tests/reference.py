@@ -1,0 +1,119 @@
+"""Reference R1: the irradiance as the plain sum over all pixels, in float64 on the CPU, and its metrics.
+
+The sum uses the gather's estimator with every texel of one pyramid level as a sender and nothing between sender and
+receiver: what differs from it is noise, the rings, the coarser levels and the upsampling.
+
+Pyramid levels are ceil(size / 2^l) wide: texel x of level l covers the level-0 pixels [x 2^l, (x + 1) 2^l) and its
+centre lies at (x + 1/2) 2^l level-0 pixels, beyond the image's edge where an odd size leaves the last texel of a row
+half empty. Dividing the image by the level's own width instead would move every sender by up to half a texel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.model import Camera
+
+LEAST_FACING = 0.01
+"""The gather holds the cosine between a sender's normal and the direction to the camera above this."""
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The visible surfaces of one pyramid level in view space, float64.
+
+    Attributes:
+        position: (H, W, 3) metres.
+        normal: (H, W, 3) unit length.
+        area: (H, W) square metres of surface that a texel stands for.
+        visible: (H, W) bool, False on background.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    visible: np.ndarray
+
+
+def read_surfaces(renderer: Renderer, camera: Camera, level: int = 0) -> Surfaces:
+    """What the last frame of `renderer` holds at one level."""
+    depth = renderer.read("view_depth", level).astype(np.float64)
+    normal = renderer.read("normal", level).astype(np.float64)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    height, width = depth.shape
+    image_width, image_height = renderer.size
+    tan_y = np.tan(camera.vertical_fov / 2)
+    tan_x = tan_y * image_width / image_height
+    x = ((np.arange(width) + 0.5) * 2**level / image_width * 2 - 1) * tan_x
+    # Row 0 of an array is the top, row 0 of a texture the bottom: the hanging texel is at the top of the image.
+    y = ((height - 1 - np.arange(height) + 0.5) * 2**level / image_height * 2 - 1) * tan_y
+    ray = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
+    position = ray * depth[..., None]
+    pixel_area = 4 * tan_x * tan_y / (image_width * image_height) * 4**level
+    facing = np.maximum(-(normal * position).sum(-1), LEAST_FACING * np.linalg.norm(position, axis=-1))
+    area = pixel_area * depth**3 / np.maximum(facing, 1e-30)
+    return Surfaces(position, normal, area, depth > 0)
+
+
+def irradiance(senders: Surfaces, radiance: np.ndarray, position: np.ndarray, normal: np.ndarray,
+               form_factor: str = "disc") -> np.ndarray:
+    """Irradiance at receivers from all visible senders, E = sum of pi L cos F, unoccluded.
+
+    Args:
+        radiance: (H, W, 3) of the senders' level.
+        position, normal: (N, 3) of the receivers, view space.
+        form_factor: "disc": F = R^2 / (r^2 + R^2), "point": R^2 / r^2, with R^2 = cos' dA / pi.
+
+    Returns:
+        (N, 3) float64.
+    """
+    shines = senders.visible & (radiance.max(-1) > 0)
+    q, m, area = senders.position[shines], senders.normal[shines], senders.area[shines]
+    light = radiance[shines].astype(np.float64)
+    own = (q * m).sum(-1)
+    squared = (q * q).sum(-1)
+    result = np.zeros((len(position), 3))
+    chunk = max(1, 4_000_000 // max(len(q), 1))
+    for start in range(0, len(position), chunk):
+        p, n = position[start:start + chunk], normal[start:start + chunk]
+        distance2 = np.maximum((p * p).sum(-1)[:, None] + squared - 2 * p @ q.T, 1e-18)
+        inverse = 1 / np.sqrt(distance2)
+        receiver_cos = np.maximum(n @ q.T - (n * p).sum(-1)[:, None], 0) * inverse
+        disc = np.maximum(p @ m.T - own, 0) * inverse * area / np.pi
+        factor = disc / (distance2 + disc) if form_factor == "disc" else disc / distance2
+        result[start:start + chunk] = np.pi * (receiver_cos * factor) @ light
+    return result
+
+
+def random_blocks(visible: np.ndarray, count: int, side: int = 8, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, each (B, side, side), of `count` random aligned blocks of pixels; those that see background
+    are left out."""
+    height, width = visible.shape
+    rng = np.random.default_rng(seed)
+    top = rng.integers(0, height // side, count) * side
+    left = rng.integers(0, width // side, count) * side
+    rows = top[:, None, None] + np.arange(side)[None, :, None] + np.zeros((1, 1, side), int)
+    columns = left[:, None, None] + np.arange(side)[None, None, :] + np.zeros((1, side, 1), int)
+    whole = visible[rows, columns].all((1, 2))
+    return rows[whole], columns[whole]
+
+
+def bias_and_error(ours: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
+    """bias = sum / sum - 1, and the rms difference over the mean of the reference, over all channels."""
+    difference = ours.astype(np.float64) - reference
+    return float(ours.sum(dtype=np.float64) / reference.sum() - 1), \
+        float(np.sqrt((difference**2).mean()) / reference.mean())
+
+
+def compare_with_sum(renderer: Renderer, camera: Camera, level: int, blocks: int) -> tuple[float, float]:
+    """Bias and error of the last frame's `indirect` against R1 with senders of `level`, over means of 8x8 pixels."""
+    receivers = read_surfaces(renderer, camera)
+    rows, columns = random_blocks(receivers.visible, blocks)
+    reference = irradiance(read_surfaces(renderer, camera, level), renderer.read("radiance", level),
+                           receivers.position[rows, columns].reshape(-1, 3),
+                           receivers.normal[rows, columns].reshape(-1, 3)).reshape(*rows.shape, 3)
+    ours = renderer.read("indirect")[rows, columns]
+    return bias_and_error(ours.mean((1, 2)), reference.mean((1, 2)))
