@@ -64,8 +64,8 @@ BUFFERS: dict[str, Buffer] = {
     "roughness": Buffer(("specular",), (3,), ALPHA, "perceptual roughness, 0 to 1"),
     "occlusion": Buffer(("albedo",), (3,), ALPHA, "the material's own occlusion map, 1 = open"),
     "motion": Buffer(("motion",), (0, 1), MOTION, "displacement since the last frame, image widths and heights, +y up"),
-    "winner": Buffer(("winner",), (0,), INDEX, "which of its four finer texels a texel kept, x + 2 y, plus 4 * share of its "
-                     "footprint in 63rds"),
+    "winner": Buffer(("winner",), (0,), INDEX, "which of its four finer texels a texel kept, x + 2 y, plus "
+                     "4 * the share of its footprint in 63rds"),
     "gather": Buffer(("gather",)),
     "light": Buffer(("light",)),
     "upsample": Buffer(("upsample",)),

@@ -17,6 +17,8 @@ from ssil_viewer.settings import Settings
 _PLASTIC = (0.7548776662466927, 0.5698402909980532)
 # Height for which the radius is given, so that a picture does not change with its resolution
 REFERENCE_HEIGHT = 720
+# Longest temporal mean while a light or an object moves: a tenth of a second at 60 frames per second
+MOVING_FRAMES = 6
 
 
 @dataclass(frozen=True)
@@ -118,15 +120,17 @@ def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) 
 
 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
-               light_count: int, background: tuple[float, float, float], history: bool) -> Frame:
+               light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False) -> Frame:
     """The uniform block of one frame.
 
     Args:
         frame_index: Frames since the history began; moves the sample pattern while temporal reprojection runs.
         history: Whether the last frame's textures hold this scene.
+        moving: A light or an object moved since the last frame: the light of many frames ago is another one.
     """
     world_from_view = np.linalg.inv(view.view_from_world)
     step = frame_index if settings.temporal else 0
+    longest = min(settings.temporal_frames, MOVING_FRAMES) if moving else settings.temporal_frames
     start = np.random.default_rng(settings.seed).random(2)
     jitter = [(start[i] + step * _PLASTIC[i]) % 1.0 for i in range(2)]
 
@@ -146,7 +150,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
         jitter=jitter, background=background, exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
         near=view.near, far=view.far, samples=settings.samples, light_count=light_count,
-        history_frames=settings.temporal_frames if history else 0)
+        history_frames=longest if history else 0)
 
 
 def radius_texels(settings: Settings, size: tuple[int, int]) -> float:

@@ -197,11 +197,11 @@ class PassRunner:
                 raise
 
     def run(self, frame: Frame, view: View, light_count: int = 0,
-            background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+            background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False) -> None:
         """Run the enabled passes, within `frame()`. Arguments as of `make_frame`."""
         history = self.settings.temporal and self._previous is not None
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
-                                         light_count, background, history))
+                                         light_count, background, history, moving))
         for p in self.passes:
             if p.enabled(self.settings):
                 with self._timers.measure(p.name):
@@ -254,11 +254,14 @@ class PassRunner:
         """Take no binding of an earlier frame for granted: outside of `frame()`, anybody may have changed them."""
         self._bound.clear()
 
-    def reload_shaders(self) -> None:
-        """Compile all shaders again from their files. Raises ShaderError and keeps the old ones on failure."""
-        fresh = {variant: ScreenProgram(self.context, variant, self.stage, FrameBlock) for variant in self._programs}
+    def compile_again(self) -> dict[Variant, ScreenProgram]:
+        """All programs compiled anew from their files, for `adopt`. Raises ShaderError; nothing has changed then."""
+        return {variant: ScreenProgram(self.context, variant, self.stage, FrameBlock) for variant in self._programs}
+
+    def adopt(self, programs: dict[Variant, ScreenProgram]) -> None:
+        """Replace the programs by these."""
         self._release_programs()
-        self._programs = fresh
+        self._programs = programs
 
     @property
     def timings(self) -> Timings:

@@ -159,7 +159,7 @@ class Renderer:
                 self._lights_moved = False
             frame = SceneFrame(self._runner, self.settings, self._runner.radius, lights.textures,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
-            self._runner.run(frame, view, lights.count, self.scene.background)
+            self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
                 self._draw_view(*self._view_name)
 
@@ -170,10 +170,11 @@ class Renderer:
             None, or the compiler's message; then the old programs go on.
         """
         try:
+            fresh = self._runner.compile_again()
             self._drawer.reload()
-            self._runner.reload_shaders()
         except ShaderError as error:
             return str(error)
+        self._runner.adopt(fresh)
         self._lights_moved = True
         self.reset_history()
         return None

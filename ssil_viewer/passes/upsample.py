@@ -22,7 +22,8 @@ class Upsample(ScreenPass):
 
     name = "upsample"
     shader = "passes/upsample.glsl"
-    reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True), "near": Read.of("near", optional=True),
+    reads = {"surface": Read.of("surface"), "gather": Read.of("gather", optional=True),
+             "near": Read.of("near", optional=True),
              "coarse_surface": Read.of("surface", offset=1, optional=True),
              "coarse": Read.of("light", offset=1, optional=True),
              "albedo": Read.of("albedo", optional=True)}
