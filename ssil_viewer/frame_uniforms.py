@@ -17,8 +17,8 @@ from ssil_viewer.settings import Settings
 _PLASTIC = (0.7548776662466927, 0.5698402909980532)
 # Height for which the radius is given, so that a picture does not change with its resolution
 REFERENCE_HEIGHT = 720
-# Longest temporal mean while a light or an object moves: a tenth of a second at 60 frames per second
-MOVING_FRAMES = 6
+# Longest temporal mean while a light or an object moves: eight frames later a ninth of the old light is left
+MOVING_FRAMES = 2
 
 
 @dataclass(frozen=True)
