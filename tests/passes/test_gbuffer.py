@@ -1,0 +1,169 @@
+"""The G-buffer of scenes whose depth, normals and motion are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssil_viewer.scene.model import Camera, Image, Instance, Material, Scene, TextureRef
+from tests import scenes
+
+SIZE = 63, 41
+CAMERA = Camera(eye=(0, 0, 4), vertical_fov=0.9)
+WHITE = Material(specular=0.0)
+WALL = scenes.rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0))     # z = 0, looks to +Z
+
+
+def render(make_renderer, scene, camera=CAMERA, size=SIZE, **settings):
+    renderer = make_renderer(scene, size, bounces=0, **settings)
+    renderer.render(camera)
+    return renderer
+
+
+def test_plane_across_the_view(make_renderer):
+    renderer = render(make_renderer, scenes.scene((WALL,), (WHITE,)))
+    assert np.allclose(renderer.read("view_depth"), 4, rtol=1e-5)
+    assert np.allclose(renderer.read("normal"), (0, 0, 1), atol=1e-3)
+
+
+def test_slanted_plane(make_renderer):
+    """A floor one metre below the eye: view depth = 1 / (tan of the pixel's angle below the horizon)."""
+    floor = scenes.rectangle((-200, -1, 100), (400, 0, 0), (0, 0, -400))
+    renderer = render(make_renderer, scenes.scene((floor,), (WHITE,)), replace(CAMERA, target=(0, 0, -9), near=0.1))
+    depth = renderer.read("view_depth")
+    slope = (1 - (np.arange(SIZE[1]) + 0.5) / SIZE[1] * 2) * np.tan(CAMERA.vertical_fov / 2)
+    seen = slope < -0.02
+    assert np.allclose(depth[seen], (-1 / slope[seen])[:, None], rtol=1e-4)
+    assert not depth[slope > 0.01].any(), "above the horizon is background"
+    assert np.allclose(renderer.read("normal")[seen], (0, 1, 0), atol=2e-3)
+
+
+def test_back_faces_vanish_unless_double_sided(make_renderer):
+    behind = replace(CAMERA, eye=(0, 0, -4))
+    assert not render(make_renderer, scenes.scene((WALL,), (WHITE,)), behind).read("view_depth").any()
+    both = render(make_renderer, scenes.scene((WALL,), (replace(WHITE, double_sided=True),)), behind)
+    assert np.allclose(both.read("view_depth"), 4, rtol=1e-5)
+    assert np.allclose(both.read("normal"), (0, 0, 1), atol=1e-3), "the normal faces the camera, in view space"
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, 1), (-1, -1, -1), (2, 0.5, 3)])
+def test_mirrored_and_stretched_instances_keep_their_front(make_renderer, scale):
+    """A room's inside stays its inside, whatever the sign of the scale."""
+    room = scenes.scene(scenes.box((0, 0, 0), (2, 2, 2), inward=True), (WHITE,))
+    placed = replace(room, instances=(Instance("room", 0, np.diag((*scale, 1.0))),))
+    renderer = render(make_renderer, placed, replace(CAMERA, eye=(0, 0, 0.5), target=(0, 0, -1)))
+    depth, normal = renderer.read("view_depth"), renderer.read("normal")
+    assert (depth > 0).all()
+    middle = SIZE[1] // 2, SIZE[0] // 2
+    assert depth[middle] == pytest.approx(0.5 + abs(scale[2]), rel=1e-4)
+    assert normal[middle] == pytest.approx((0, 0, 1), abs=2e-3)
+
+
+def textured(pixels: np.ndarray, material: Material, tangents: bool = False) -> Scene:
+    """A square of 2 m at z = 0 with one picture, row 0 at the bottom (v = 0)."""
+    square = scenes.rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    if tangents:
+        square = replace(square, tangents=np.tile(np.float32((1, 0, 0, 1)), (4, 1)))
+    picture = Image("picture", np.ascontiguousarray(pixels, np.uint8))
+    return replace(scenes.scene((square,), (material,)), images=(picture,))
+
+
+def test_alpha_mask_cuts_holes(make_renderer):
+    pixels = np.full((64, 64, 4), 255)
+    pixels[:, 32:, 3] = 0
+    material = replace(WHITE, base_color_texture=TextureRef(0), alpha_mode="mask")
+    depth = render(make_renderer, textured(pixels, material)).read("view_depth")
+    tan = np.tan(CAMERA.vertical_fov / 2)
+    x = ((np.arange(SIZE[0]) + 0.5) / SIZE[0] * 2 - 1) * tan * SIZE[0] / SIZE[1] * 4
+    row = depth[SIZE[1] // 2]
+    assert (row[(x > -0.9) & (x < -0.1)] > 0).all()
+    assert not row[(x > 0.1) & (x < 0.9)].any()
+    opaque = render(make_renderer, textured(pixels, replace(material, alpha_mode="opaque"))).read("view_depth")
+    assert (opaque[SIZE[1] // 2][(x > 0.1) & (x < 0.9)] > 0).all()
+
+
+@pytest.mark.parametrize("tilt", [(0.6, 0.0, 0.8), (0.0, -0.6, 0.8), (0.28, 0.28, 0.918)])
+def test_normal_map_tilts_the_normal(make_renderer, tilt):
+    pixels = np.full((4, 4, 4), 255)
+    pixels[..., :3] = np.round((np.array(tilt) * 0.5 + 0.5) * 255)
+    scene = textured(pixels, replace(WHITE, normal_texture=TextureRef(0)), tangents=True)
+    normal = render(make_renderer, scene).read("normal")[SIZE[1] // 2, SIZE[0] // 2]
+    assert normal == pytest.approx(tilt, abs=0.01)
+
+
+def test_base_color_texture_is_srgb_and_is_multiplied(make_renderer):
+    pixels = np.full((4, 4, 4), 255)
+    pixels[..., :3] = 128, 64, 255
+    scene = textured(pixels, replace(WHITE, base_color=(0.5, 1, 0.25, 1), base_color_texture=TextureRef(0)))
+    albedo = render(make_renderer, scene).read("albedo")[SIZE[1] // 2, SIZE[0] // 2]
+    linear = ((np.array((128, 64, 255)) / 255 + 0.055) / 1.055) ** 2.4 * (0.5, 1, 0.25)
+    assert albedo == pytest.approx(linear, abs=0.008)    # 8 bits of the square root: 2 sqrt(x) / 255
+
+
+def test_metal_has_no_albedo(make_renderer):
+    metal = Material(base_color=(0.9, 0.6, 0.3, 1), metallic=1.0, roughness=0.25)
+    renderer = render(make_renderer, scenes.scene((WALL,), (metal,)))
+    assert renderer.read("albedo").max() == 0
+    assert renderer.read("specular")[0, 0] == pytest.approx((0.9, 0.6, 0.3), abs=0.008)
+    assert renderer.read("roughness")[0, 0] == pytest.approx(0.25, abs=0.003)
+
+
+def pixel_motion(displacement: np.ndarray) -> np.ndarray:
+    return displacement * (SIZE[0], SIZE[1])
+
+
+def test_motion_of_a_still_scene_is_zero(make_renderer):
+    renderer = render(make_renderer, scenes.scene((WALL,), (WHITE,)))
+    renderer.render(CAMERA)
+    assert np.abs(pixel_motion(renderer.read("motion"))).max() < 1e-3
+
+
+def test_motion_of_an_object(make_renderer):
+    """The wall moves by 0.1 m to the right and 0.05 m up at a depth of 4 m."""
+    renderer = render(make_renderer, scenes.scene((WALL,), (WHITE,)))
+    moved = np.eye(4)
+    moved[:2, 3] = 0.1, 0.05
+    renderer.move_instance(0, moved)
+    renderer.render(CAMERA)
+    tan = np.tan(CAMERA.vertical_fov / 2)
+    expected = 0.1 / (2 * 4 * tan * SIZE[0] / SIZE[1]), 0.05 / (2 * 4 * tan)
+    assert np.allclose(renderer.read("motion"), expected, rtol=3e-3)
+    renderer.render(CAMERA)
+    assert np.abs(renderer.read("motion")).max() < 1e-5, "it stopped"
+
+
+def test_motion_of_the_camera(make_renderer):
+    """The camera moves right, so the wall moves left on the screen; backing off, it shrinks towards the middle."""
+    renderer = render(make_renderer, scenes.scene((WALL,), (WHITE,)))
+    renderer.render(replace(CAMERA, eye=(0.2, 0, 4), target=(0.2, 0, 0)))
+    tan = np.tan(CAMERA.vertical_fov / 2)
+    motion = renderer.read("motion")
+    assert np.allclose(motion[..., 0], -0.2 / (2 * 4 * tan * SIZE[0] / SIZE[1]), rtol=3e-3)
+    assert np.abs(motion[..., 1]).max() < 1e-4
+    renderer.render(replace(CAMERA, eye=(0.2, 0, 5), target=(0.2, 0, 0)))
+    motion = renderer.read("motion")
+    assert motion[SIZE[1] // 2, 0, 0] > 0 > motion[SIZE[1] // 2, -1, 0]
+    assert motion[0, SIZE[0] // 2, 1] < 0 < motion[-1, SIZE[0] // 2, 1]
+
+
+def test_far_from_the_origin_nothing_trembles(make_renderer):
+    """The same view a million metres away: depth is right to single precision of the scene, not of its place."""
+    away = np.eye(4)
+    away[:3, 3] = 1e6, -2e6, 3e6
+    near = scenes.cornell()
+    far = replace(near, instances=tuple(replace(i, world_from_object=away) for i in near.instances))
+    camera = scenes.CORNELL_CAMERA
+    shifted = replace(camera, eye=tuple(np.add(camera.eye, away[:3, 3])), target=tuple(away[:3, 3]))
+    a = render(make_renderer, near, camera).read("view_depth")
+    b = render(make_renderer, far, shifted).read("view_depth")
+    same = (a > 0) & (b > 0)
+    assert same.mean() > 0.4
+    assert np.median(np.abs(a - b)[same]) < 1e-4
+
+
+def test_a_scene_without_triangles(make_renderer):
+    scene = Scene("empty", materials=(WHITE,))
+    renderer = render(make_renderer, scene)
+    assert not renderer.read("view_depth").any()
