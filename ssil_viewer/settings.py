@@ -120,6 +120,9 @@ class Settings:
     form_factor: Annotated[Literal["disc", "point"], Knob(
         "disc: point-to-disc form factor, finite at contact. point: the plain one, which explodes there; "
         "for comparison.")] = "disc"
+    sample_spacing: Annotated[Literal["radius", "area"], Knob(
+        "radius: samples evenly spaced in radius, most of them near the receiver. area: evenly in area as in the "
+        "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
     visibility: Annotated[Literal["off"], Knob(
         "Whether geometry between sender and receiver blocks light.")] = "off"
     bounces: Annotated[int, Knob(

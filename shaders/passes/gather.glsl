@@ -1,4 +1,5 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
+// SPACING: 0 even in radius, 1 even in area.
 #include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
 
@@ -17,18 +18,33 @@ struct Incoming {
     float weights;
 };
 
-// Walks the sample spiral. Samples are spaced evenly in radius, not in area: near senders, whose light varies
-// fastest, get most of them, and each sample stands for the area of its own strip (docs/method/gather.md).
+// Walks the sample spiral. Spaced evenly in radius, near senders, whose light varies fastest, get most of the samples,
+// and each stands for the area of its own strip of the spiral; spaced evenly in area, as in the talk, all stand for
+// the same (docs/method/gather.md).
 struct Spiral {
     vec2 direction;
-    float radius;
+    float at;               // radius, or its square
     float step;
 };
+
+Spiral start_spiral(vec2 direction, float inner, float outer, int samples, float jitter) {
+#if SPACING == 0
+    float step = (outer - inner) / float(max(samples, 1));
+    return Spiral(direction, inner + jitter * step, step);
+#else
+    float step = (outer * outer - inner * inner) / float(max(samples, 1));
+    return Spiral(direction, inner * inner + jitter * step, step);
+#endif
+}
 
 // The innermost part of the disc, whose light the upsampling leaves unfiltered: this share of its radius gets this
 // share of its samples.
 const float NEAR_RADIUS = 1.0 / 6.0;
+#if SPACING == 0
 const int NEAR_SAMPLES = 4;     // one in four
+#else
+const int NEAR_SAMPLES = 36;    // one in 36, like its area
+#endif
 
 // Light of the next `count` samples of the spiral.
 void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Incoming light) {
@@ -37,10 +53,16 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
     vec2 center = vec2(receiver.px) + 0.5;
     float texel_area = scale.x * scale.y / PI;
     for (int i = 0; i < count; ++i) {
-        ivec2 at = ivec2(floor(center + spiral.direction * spiral.radius));
-        float texels = 2.0 * PI * spiral.radius * spiral.step;      // that this sample stands for
+#if SPACING == 0
+        float radius = spiral.at;
+        float texels = 2.0 * PI * radius * spiral.step;             // that this sample stands for
+#else
+        float radius = sqrt(spiral.at);
+        float texels = PI * spiral.step;
+#endif
+        ivec2 at = ivec2(floor(center + spiral.direction * radius));
         spiral.direction = golden_rotation(spiral.direction);
-        spiral.radius += spiral.step;
+        spiral.at += spiral.step;
         if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size)) || at == receiver.px) continue;
         Surface sender = load_surface(at);
         vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), sender.view_depth);
@@ -49,15 +71,20 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         float sender_cos = -dot(sender.normal, v);                  // times the distance
         if (sender.view_depth <= 0.0 || sender_cos <= 0.0) continue;
         float inverse_distance = inversesqrt(distance_squared);
-        // R^2 = cos' dA / pi of the texel's own disc, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would
-        // count for infinitely much: its cosine is held above 1 %.
+        // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
+        // much: its cosine is held above 1 %.
         float facing = max(-dot(sender.normal, q), 0.01 * length(q));
         float depth = sender.view_depth;
         float disc = sender_cos * inverse_distance * texel_area * (depth * depth * depth) / facing;
-#if FORM_FACTOR == 0
+#if FORM_FACTOR == 1
+        float factor = texels * disc / distance_squared;
+#elif SPACING == 0
+        // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
+        // the sum over all texels where a disc of the whole strip's area would stay below it.
         float factor = texels * disc / (distance_squared + disc);
 #else
-        float factor = texels * disc / distance_squared;
+        // The disc is all that the sample stands for: what tames samples that are few near the receiver
+        float factor = texels * disc / (distance_squared + texels * disc);
 #endif
         vec3 radiance = load_radiance(at) * factor;
         float receiver_cos = dot(receiver.normal, v) * inverse_distance;
@@ -89,8 +116,7 @@ void shade(ivec2 px) {
 #ifdef NEAR_FIELD
     int near_samples = (frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES, samples = frame.samples - near_samples;
     float inner = frame.radius * NEAR_RADIUS;
-    float near_step = inner / float(near_samples);
-    Spiral spiral = Spiral(direction, jitter.y * near_step, near_step);
+    Spiral spiral = start_spiral(direction, 0.0, inner, near_samples, jitter.y);
     Incoming near = none;
     gather_samples(receiver, near_samples, spiral, near);
     out_near = lobe_of(near, surface.normal);
@@ -100,8 +126,7 @@ void shade(ivec2 px) {
     float inner = inner_radius;
 #endif
     // A single sample is a near one; the rest of the disc then goes without.
-    float step = (frame.radius - inner) / float(max(samples, 1));
-    Spiral outer = Spiral(direction, inner + jitter.y * step, step);
+    Spiral outer = start_spiral(direction, inner, frame.radius, samples, jitter.y);
     Incoming light = none;
     gather_samples(receiver, samples, outer, light);
     out_gather = lobe_of(light, surface.normal);

@@ -30,12 +30,13 @@ class Gather(ScreenPass):
         return settings.bounces > 0
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        chosen = switch("FORM_FACTOR", frame.settings.form_factor, ("disc", "point"))
+        chosen = (switch("FORM_FACTOR", frame.settings.form_factor, ("disc", "point")),
+                  switch("SPACING", frame.settings.sample_spacing, ("radius", "area")))
         first = frame.settings.start_level
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
             near = level == first
-            defines = (chosen, ("NEAR_FIELD", "")) if near else (chosen,)
+            defines = (*chosen, ("NEAR_FIELD", "")) if near else chosen
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, defines,
                            frozenset() if near else frozenset({"near"}))
