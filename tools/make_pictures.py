@@ -163,6 +163,16 @@ def gather(studio: Studio) -> Image.Image:
                 sharp=True)
 
 
+def form_factor(studio: Studio) -> Image.Image:
+    """Spacing of the samples and form factor, one frame."""
+    studio.aim("cornell", "front")
+    panels = []
+    for spacing, form in (("radius", "disc"), ("area", "disc"), ("area", "point")):
+        studio.render(frames=1, temporal=False, sample_spacing=spacing, form_factor=form, show="indirect", exposure=1.0)
+        panels.append((f"even in {spacing}, {form}", studio.picture()))
+    return tile(panels, 3, (420, 420), (280, 0, 1000, 720))
+
+
 def upsample(studio: Studio) -> Image.Image:
     """Nearest and bilateral upsampling."""
     studio.aim("atrium", "hanging")
@@ -205,7 +215,7 @@ def tone_map(studio: Studio) -> Image.Image:
 
 PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "hero.png": hero, "shadows.jpg": shadows, "gbuffer.jpg": gbuffer, "direct.jpg": direct, "mipmap.png": mipmap,
-    "gather.png": gather, "upsample.jpg": upsample, "temporal.jpg": temporal,
+    "gather.png": gather, "form-factor.jpg": form_factor, "upsample.jpg": upsample, "temporal.jpg": temporal,
     "relief.jpg": relief, "tone-map.jpg": tone_map,
 }
 
