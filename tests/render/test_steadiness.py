@@ -42,7 +42,7 @@ def flicker(make_renderer, scene, camera, size, frames=6, **settings) -> float:
     return float(np.mean(changes) / np.mean(means))
 
 
-@pytest.mark.xfail(reason="measured 0.95: coarse levels change the surface that they keep as often as nearest does")
+@pytest.mark.xfail(reason="measured 0.57: what is left comes from receivers at edges and from samples close by")
 def test_voted_mips_halve_the_flicker_of_nearest_ones(make_renderer):
     scene = load_scene("builtin:atrium")
     vote, nearest = (flicker(make_renderer, scene, default_camera(scene), (640, 360), mip_filter=mip_filter)
@@ -106,9 +106,8 @@ def after_the_lamp_jumped(make_renderer, frames: int) -> tuple[float, float]:
     return relative_difference(before, reference, seen), relative_difference(after, reference, seen)
 
 
-@pytest.mark.xfail(reason="measured 0.42: the mean is not shortened where the light changes by half")
 def test_a_moved_light_leaves_no_ghost_after_8_frames(make_renderer):
-    """10 %: four times what independent pictures of 8 frames differ by."""
+    """10 %: four times what independent pictures of 8 frames differ by. 8 % was measured."""
     before, after = after_the_lamp_jumped(make_renderer, 8)
     assert before > 0.3, "the lamp's place matters"
     assert after < 0.1

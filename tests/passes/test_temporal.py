@@ -1,0 +1,124 @@
+"""When the temporal filter keeps what it knows, and when it must forget."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssil_viewer.headless import render_frames
+from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
+from tests import scenes
+
+CAMERA = scenes.CORNELL_CAMERA
+SIZE = 96, 54
+
+
+@pytest.fixture
+def settled(make_renderer, stage):
+    """A renderer after ten frames of a still picture."""
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=32)
+    render_frames(renderer, CAMERA, 10)
+    return renderer
+
+
+def lengths(renderer) -> np.ndarray:
+    return renderer.read("history_length")[renderer.read("view_depth") > 0]
+
+
+def is_fresh(renderer) -> bool:
+    """Whether the next frame knows nothing of the last ones."""
+    renderer.render(CAMERA)
+    return bool((lengths(renderer) == 1).all())
+
+
+def test_history_grows_to_its_limit(make_renderer, stage):
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=32, temporal_frames=5)
+    for frame in range(8):
+        renderer.render(CAMERA)
+        assert np.median(lengths(renderer)) == min(frame + 1, 5)
+
+
+def test_resizing_forgets(settled):
+    settled.resize((80, 60))
+    assert is_fresh(settled)
+
+
+def test_a_new_scene_forgets(settled):
+    settled.set_scene(scenes.cornell())
+    assert is_fresh(settled)
+
+
+@pytest.mark.parametrize("change", [{"samples": 16}, {"radius": 20.0}, {"levels": 3}, {"start_level": 1},
+                                    {"form_factor": "point"}, {"mip_filter": "nearest"}, {"seed": 3}],
+                         ids=lambda c: next(iter(c)))
+def test_settings_that_change_the_light_forget(settled, change):
+    settled.set_settings(replace(settled.settings, **change))
+    assert is_fresh(settled)
+
+
+@pytest.mark.parametrize("change", [{"exposure": 2.0}, {"tone_map": "linear"}, {"show": "indirect"}],
+                         ids=lambda c: next(iter(c)))
+def test_settings_of_the_display_keep_it(settled, change):
+    settled.set_settings(replace(settled.settings, **change))
+    settled.render(CAMERA)
+    assert np.median(lengths(settled)) > 5
+
+
+def test_a_cut_forgets(settled):
+    settled.reset_history()
+    assert is_fresh(settled)
+
+
+def plate_before_wall() -> Scene:
+    white = Material(specular=0.0)
+    wall, plate = (Mesh(name, (scenes.rectangle((-s, -s, z), (2 * s, 0, 0), (0, 2 * s, 0)),))
+                   for name, s, z in (("wall", 9.0, -1.0), ("plate", 0.4, 0.5)))
+    return Scene("plate", (wall, plate), (Instance("wall", 0, np.eye(4)), Instance("plate", 1, np.eye(4))), (white,),
+                 lights=(Light("point", intensity=5.0, position=(0.5, 0.5, 2)),))
+
+
+def test_what_a_moved_object_uncovers_starts_anew(make_renderer, stage):
+    """The plate jumps aside: the wall that it hid has no history, the rest of the wall and the plate keep theirs."""
+    camera = Camera(eye=(0, 0, 3), vertical_fov=0.8)
+    renderer = make_renderer(plate_before_wall(), (96, 64), stage, samples=16)
+    render_frames(renderer, camera, 10)
+    before = renderer.read("view_depth")
+    moved = np.eye(4)
+    moved[0, 3] = 0.9
+    renderer.move_instance(1, moved)
+    renderer.render(camera)
+    after, length = renderer.read("view_depth"), renderer.read("history_length")
+    uncovered = (before < 3) & (after > 3)
+    plate = after < 3
+    assert uncovered.sum() > 100 and plate.sum() > 100
+    assert (length[uncovered] == 1).all()
+    assert np.mean(length[plate] > 1) > 0.8, "the plate brings its history along"
+
+
+def test_what_enters_the_image_starts_anew(settled):
+    before = settled.read("history_length")
+    turned = replace(CAMERA, target=(0.6, 0.0, 0.0))
+    settled.render(turned)
+    length, seen = settled.read("history_length"), settled.read("view_depth") > 0
+    motion = settled.read("motion")
+    x = (np.arange(SIZE[0]) + 0.5) / SIZE[0] - motion[..., 0]
+    outside = seen & (x > 1.02)
+    assert before.max() == 10
+    assert (length[outside] == 1).all()
+    assert np.median(length[seen & (x < 0.9)]) > 1
+
+
+def test_huge_light_does_not_stay(make_renderer, stage):
+    """A flash of 1e30 for one frame: finite at once, gone from what follows."""
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=32)
+    render_frames(renderer, CAMERA, 4)
+    calm = renderer.read("indirect").mean()
+    renderer.set_lights((Light("point", intensity=1e30, position=(0.0, 0.9, 0.0)),))
+    renderer.render(CAMERA)
+    assert np.isfinite(renderer.read("indirect")).all()
+    renderer.set_lights(scenes.cornell().lights)
+    render_frames(renderer, CAMERA, 64)
+    assert np.isfinite(renderer.read("indirect")).all()
+    assert renderer.read("indirect").mean() < 2 * calm
