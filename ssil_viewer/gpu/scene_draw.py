@@ -46,13 +46,14 @@ class SceneDrawer:
             writes: (name, format) of the color attachments in order.
         """
         self._use_tables()
+        bound: dict[str, int] = {}
+        culling = None
         for group in self._scene.groups:
             array = self._array("gbuffer", group.defines, writes, FULL_FORMAT)
-            self._use_textures(group)
-            if group.cull:
-                self._context.enable(moderngl.CULL_FACE)
-            else:
-                self._context.disable(moderngl.CULL_FACE)
+            self._use_textures(group, bound)
+            if group.cull != culling:
+                (self._context.enable if group.cull else self._context.disable)(moderngl.CULL_FACE)
+                culling = group.cull
             array.render(moderngl.TRIANGLES, group.count, group.first)
 
     def draw_depth(self, clip_from_world: bytes) -> None:
@@ -64,9 +65,10 @@ class SceneDrawer:
         self._use_tables()
         if self._scene.opaque_count:
             self._render_depth((), DEPTH_FORMAT, 0, self._scene.opaque_count, clip_from_world)
+        bound: dict[str, int] = {}
         for group in self._scene.groups:
             if group.masked:
-                self._use_textures(group)
+                self._use_textures(group, bound)
                 defines = tuple(d for d in group.defines if d in _DEPTH_DEFINES)
                 self._render_depth(defines, MASKED_DEPTH_FORMAT, group.first, group.count, clip_from_world)
 
@@ -79,9 +81,12 @@ class SceneDrawer:
         self._scene.objects.use(_UNITS["objects"])
         self._scene.materials.use(_UNITS["materials"])
 
-    def _use_textures(self, group: DrawGroup) -> None:
+    def _use_textures(self, group: DrawGroup, bound: dict[str, int]) -> None:
+        """Bind a group's textures but for those that `bound`, slot -> array, says are bound already."""
         for slot, index in group.textures:
-            self._scene.arrays[index].use(_UNITS[f"{slot}_map"])
+            if bound.get(slot) != index:
+                self._scene.arrays[index].use(_UNITS[f"{slot}_map"])
+                bound[slot] = index
 
     def _array(self, stem: str, defines: tuple[str, ...], writes: tuple, layout: tuple) -> moderngl.VertexArray:
         key = (stem, defines, writes)

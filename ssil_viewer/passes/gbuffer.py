@@ -37,4 +37,4 @@ class GBuffer(Pass):
         frame.framebuffer(self, depth=True).use()
         frame.clear(self, depth=True)
         frame.draw_gbuffer(tuple((name, target.format) for name, target in self.writes.items()))
-        context.enable_only(moderngl.NOTHING)
+        context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)     # as screen passes expect it

@@ -19,10 +19,10 @@ from ssil_viewer.scene.other import OTHER_FORMATS, load_other
 BUILTIN_PREFIX = "builtin:"
 
 BUILTIN_SCENES = {
-    "atrium": "A sunlit colonnaded courtyard with cloth banners: colour bleeding on a large scale",
-    "cornell": "The Cornell box with its area light: the classic check of one and two bounces",
-    "arch": "An archway between a bright and a dark room: light that must not leak",
-    "glossy": "Rough and polished surfaces side by side: glossy indirect reflections",
+    "atrium": "Two storeys of arcades around a sunlit court with coloured hangings: light that bleeds into the shade",
+    "cornell": "The Cornell box, lit by a point light under its ceiling: exact direct light, every wall on screen",
+    "arch": "A room whose right wall alone is lit, a cube and an arch before it: what visibility has to shade",
+    "glossy": "Coloured and glowing objects on a shiny ground",
 }
 """Name -> what it shows."""
 
