@@ -119,12 +119,12 @@ def test_average_averages(make_renderer):
 @pytest.mark.parametrize("mip_filter", ["vote", "average"])
 @pytest.mark.parametrize("size", SIZES)
 def test_radiance_is_averaged_and_no_texel_is_dropped(make_renderer, size, mip_filter):
-    """At odd sizes the last row and column count twice, rather than not at all."""
+    """At odd sizes the last texel of a row sends what its part inside the image does: beyond the edge is no light."""
     renderer = make_renderer(scenes.cornell(), size, samples=1, mip_filter=mip_filter)
     renderer.render(CAMERA)
     for level in (1, 2, 3, 4):
         fine = renderer.read("radiance", level - 1)[::-1]
-        fine = np.pad(fine, ((0, fine.shape[0] % 2), (0, fine.shape[1] % 2), (0, 0)), mode="edge")
+        fine = np.pad(fine, ((0, fine.shape[0] % 2), (0, fine.shape[1] % 2), (0, 0)))
         mean = (fine[::2, ::2] + fine[1::2, ::2] + fine[::2, 1::2] + fine[1::2, 1::2]) / 4
         # rgb9e5: half a step is 2^-9 of the largest channel
         error = np.abs(renderer.read("radiance", level)[::-1] - mean)
