@@ -43,7 +43,7 @@ class CameraControl:
         pitch: Radians above the plane perpendicular to `axis`, -pi/2 to pi/2.
         distance: Metres from the eye to the target.
         vertical_fov: Radians.
-        near: As in Camera.
+        near: As in Camera, until the user moves the camera: it was chosen for one view.
         speed: Metres per second when flying.
         scene_radius: Half the diagonal of the scene's box, metres; scales speeds and limits.
         viewpoints: Saved cameras by the digit of their key.
@@ -111,12 +111,14 @@ class CameraControl:
         angle = -dx * _TURN_PER_HEIGHT
         ahead = np.cross(self.axis, self.right)
         self.right = _unit(math.cos(angle) * self.right + math.sin(angle) * ahead)
+        self.near = None
         self.pitch = min(max(self.pitch - dy * _TURN_PER_HEIGHT, -math.pi / 2), math.pi / 2)
 
     def pan(self, dx: float, dy: float) -> None:
         """Shift the view so that the target follows the mouse; arguments as in `rotate`."""
         metres = 2.0 * self.distance * math.tan(self.vertical_fov / 2)
         self.eye = self.eye + metres * (dy * self.screen_up - dx * self.right)
+        self.near = None
 
     def wheel(self, steps: float) -> None:
         """Zoom (orbit) or change the speed (fly); positive steps are away from the user."""
@@ -128,6 +130,7 @@ class CameraControl:
         target = self.target
         limits = 1e-4 * self.scene_radius, 100.0 * self.scene_radius
         self.distance = min(max(self.distance * _ZOOM_PER_STEP ** steps, limits[0]), limits[1])
+        self.near = None
         self.eye = target - self.distance * self.forward
 
     def fly(self, right: float, up: float, forward: float, seconds: float, fast: bool = False) -> None:
@@ -142,11 +145,13 @@ class CameraControl:
         if length > 0.0:
             step = self.speed * (_FAST if fast else 1.0) * min(seconds, _LONGEST_STEP)
             self.eye = self.eye + step / length * direction
+            self.near = None
 
     def focus(self, point: np.ndarray) -> None:
         """Look at a point from where the eye is, and orbit about it from now on."""
         if np.linalg.norm(np.asarray(point) - self.eye) > 1e-9:
             self._aim(np.asarray(point, dtype=np.float64), self.axis)
+            self.near = None
             self.jumped = True
 
     def frame(self, low: np.ndarray, high: np.ndarray, aspect: float) -> None:
@@ -160,6 +165,7 @@ class CameraControl:
         half = math.atan(math.tan(self.vertical_fov / 2) * min(aspect, 1.0))
         self.distance = radius / math.sin(half)
         self.eye = 0.5 * (low + high) - self.distance * self.forward
+        self.near = None
         self.jumped = True
 
     def save_viewpoint(self, digit: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -61,12 +62,11 @@ def load_picture(path: Path) -> SavedView:
     if not isinstance(data, dict) or not {"settings", "camera"} <= data.keys():
         raise UserError("picture holds no settings", str(path), "drop one that was saved with F12")
     try:
-        fields = {f.name for f in dataclasses.fields(Camera)}
-        camera = {k: tuple(v) if isinstance(v, list) else v for k, v in data["camera"].items() if k in fields}
+        camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
-        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), Camera(**camera))
-    except (AttributeError, TypeError) as error:
+        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera)
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
 
 
@@ -83,6 +83,30 @@ def save_settings(path: Path, settings: Settings) -> Path:
     path = output.check_target(path, (".toml",))
     output.write_text(path, settings_text(settings))
     return path
+
+
+def _read_camera(stored: dict[str, Any], where: str) -> Camera:
+    """The camera of a picture. Raises UserError, or what numbers of a wrong type raise, when it shows nothing."""
+    usual = Camera()
+    eye, target, up = (_read_vector(stored.get(name, getattr(usual, name))) for name in ("eye", "target", "up"))
+    fov, near = float(stored.get("vertical_fov", usual.vertical_fov)), stored.get("near")
+    near = None if near is None else float(near)
+    with np.errstate(over="ignore"):
+        away = float(np.linalg.norm(np.subtract(target, eye)))
+    if not (math.isfinite(away) and away > 1e-12 * max(1.0, *map(abs, eye))):
+        raise UserError("camera in the picture looks at its own position", where)
+    if not 0.0 < fov < math.pi:
+        raise UserError("camera in the picture has no field of view between 0 and 180 degrees", where)
+    if near is not None and not 0.0 < near < math.inf:
+        raise UserError("camera in the picture has a near plane that is not in front of it", where)
+    return Camera(str(stored.get("name", "")), eye, target, up, fov, near)
+
+
+def _read_vector(stored: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in stored)
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError("a camera needs finite numbers")
+    return x, y, z
 
 
 def _free_name(folder: Path) -> Path:

@@ -12,9 +12,11 @@ import pytest
 
 from ssil_viewer.app import keys, saved_view
 from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.diagnosis import why_no_indirect
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.pacing import Pacer
+from ssil_viewer.app.panels import lights as lights_panel
 from ssil_viewer.app.panels import settings as settings_panel
 from ssil_viewer.app.panels.file_browser import list_folder
 from ssil_viewer.app.scene_loading import SceneLoader
@@ -93,7 +95,26 @@ def test_other_files_are_refused_as_pictures(tmp_path, content):
         saved_view.load_picture(path)
 
 
+@pytest.mark.parametrize("wrong", [
+    {"eye": [0, 0]}, {"eye": [0, 0, "x"]}, {"eye": [0, 0, math.nan]}, {"target": [0, math.inf, 0]}, {"up": 1},
+    {"eye": [1, 1, 1], "target": [1, 1, 1]}, {"vertical_fov": 0.0}, {"vertical_fov": math.pi},
+    {"vertical_fov": math.nan}, {"vertical_fov": None}, {"near": 0.0}, {"near": -1}, {"near": math.inf},
+    {"eye": [10**400, 0, 0]}, {"eye": [1e308, 1e308, 1e308]}])
+def test_a_picture_with_an_unusable_camera_is_refused(monkeypatch, wrong):
+    stored = {"settings": {}, "camera": dataclasses.asdict(Camera())}
+    monkeypatch.setattr(saved_view.output, "read_metadata", lambda path: stored)
+    assert saved_view.load_picture(Path("x.png")).camera == Camera()
+    stored["camera"] |= wrong
+    with pytest.raises(UserError):
+        saved_view.load_picture(Path("x.png"))
+
+
 # Lights
+
+@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+def test_a_new_light_has_a_unit_direction(kind):
+    assert math.hypot(*lights_panel.new_light(kind, CameraControl()).direction) == pytest.approx(1.0)
+
 
 @pytest.mark.parametrize("path", ["circle", "swing"])
 def test_a_light_moves_about_its_place_and_comes_round(path):

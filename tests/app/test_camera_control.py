@@ -175,3 +175,18 @@ def test_flags_repeat_the_camera():
         "--eye=-9,4,-0.3 --target=5,3.5,0 --fov=50"
     assert "--up=0,0,-1" in camera_flags(CAMERAS[2])
     assert "--up" not in camera_flags(control(CAMERAS[1]).camera())
+
+
+@pytest.mark.parametrize("move", [
+    lambda c: c.rotate(0.1, 0.0), lambda c: c.pan(0.1, 0.0), lambda c: c.wheel(1.0), lambda c: c.look(0.0, 0.1),
+    lambda c: c.fly(0, 0, 1, seconds=0.1), lambda c: c.focus(np.ones(3)),
+    lambda c: c.frame(np.zeros(3), np.ones(3), 1.0)])
+def test_the_near_plane_of_a_camera_belongs_to_its_own_view(move):
+    camera = Camera(eye=(0, 0, 5), near=2.0)
+    moved = control(camera)
+    moved.fly(0, 0, 0, seconds=0.1)
+    assert moved.camera().near == 2.0
+    move(moved)
+    assert moved.camera().near is None
+    moved.set_camera(camera)
+    assert moved.camera().near == 2.0

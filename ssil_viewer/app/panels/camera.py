@@ -61,7 +61,7 @@ def _numbers(state: AppState) -> None:
         # The axis, not the screen's up vector: typing numbers must not roll the camera.
         up = tuple(float(x) for x in control.axis)
         jumped = control.jumped
-        control.set_camera(dataclasses.replace(camera, eye=eye, target=target, up=up))
+        control.set_camera(dataclasses.replace(camera, eye=eye, target=target, up=up, near=None))
         control.jumped = jumped
     if zoomed:
         control.vertical_fov = math.radians(degrees)

@@ -9,10 +9,12 @@ from typing import Any
 from imgui_bundle import imgui
 
 from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.scene.model import Light
+from ssil_viewer.scene.model import Light, LightKind
 
+_KINDS: tuple[LightKind, ...] = ("point", "spot", "directional")
 _MAX_INTENSITY = 1e6
 _NODE = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.frame_padding
 _STEEPEST = math.radians(89.9)
@@ -42,18 +44,21 @@ def draw(state: AppState, actions: Actions) -> None:
         widgets.muted("No lights. Add one, or open a scene that has some.")
 
 
+def new_light(kind: LightKind, camera: CameraControl) -> Light:
+    """A light that shows in the present view, bright enough at the distance of what the camera looks at."""
+    intensity = 3.0 if kind == "directional" else round(5.0 * camera.distance ** 2, 3)
+    place = 0.5 * (camera.eye + camera.target)
+    direction = _unit(_triple(camera.forward) if kind == "spot" else (-0.3, -0.9, -0.3))
+    return Light(kind, f"New {kind}", intensity=intensity, position=_triple(place), direction=direction)
+
+
 def _add_buttons(state: AppState) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text("Add")
-    camera = state.camera
-    for kind in ("point", "spot", "directional"):
+    for kind in _KINDS:
         imgui.same_line()
         if imgui.button(kind.capitalize()):
-            # Bright enough to be seen at the distance of what the camera looks at.
-            intensity = 3.0 if kind == "directional" else round(5.0 * camera.distance ** 2, 3)
-            place = 0.5 * (camera.eye + camera.target)
-            state.lights += (Light(kind, f"New {kind}", intensity=intensity, position=_triple(place),
-                                   direction=_triple(camera.forward) if kind == "spot" else (-0.3, -0.9, -0.3)),)
+            state.lights += (new_light(kind, state.camera),)
 
 
 def _edit(light: Light, scene_radius: float) -> Light:
@@ -86,7 +91,7 @@ def _edit(light: Light, scene_radius: float) -> Light:
 
 
 def _edit_direction(direction: tuple[float, float, float]) -> dict[str, Any]:
-    x, y, z = direction
+    x, y, z = _unit(direction)
     azimuth, elevation = math.atan2(x, z), math.asin(min(max(y, -1.0), 1.0))
     widgets.label("Azimuth", "Direction in which the light travels: 0 is +Z, 90 is +X.")
     turned, azimuth = imgui.slider_angle("##azimuth", azimuth, -180.0, 180.0)
@@ -97,7 +102,7 @@ def _edit_direction(direction: tuple[float, float, float]) -> dict[str, Any]:
     # At the very pole the azimuth would be lost.
     elevation = min(max(elevation, -_STEEPEST), _STEEPEST)
     flat = math.cos(elevation)
-    return {"direction": (flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth))}
+    return {"direction": _unit((flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)))}
 
 
 def _edit_cone(light: Light) -> dict[str, Any]:
@@ -150,6 +155,12 @@ def _delete(state: AppState, index: int) -> None:
     moving = state.motion.light
     if moving is not None and moving >= index:
         state.motion = dataclasses.replace(state.motion, light=None if moving == index else moving - 1)
+
+
+def _unit(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = direction
+    length = math.hypot(x, y, z)
+    return (x / length, y / length, z / length) if length > 0.0 else (0.0, -1.0, 0.0)
 
 
 def _triple(values: Any) -> tuple[float, float, float]:
