@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -19,6 +17,7 @@ from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Light, Material
 from ssil_viewer.settings import Settings, load_preset, presets
 from tests import scenes
+from tests.scene_checks import NO_SAMPLES, sample_files
 
 CAMERA = scenes.CORNELL_CAMERA
 HALF_ULP = 2.0**-11
@@ -186,20 +185,12 @@ def test_empty_view(make_renderer, stage):
     assert np.allclose(arrays["final"], (0.25, 0.5, 1.0), rtol=1e-3)
 
 
-def outside_scenes() -> list[Path]:
-    root = Path(os.environ.get("SSIL_TEST_SCENES", Path(__file__).resolve().parents[3] / "shared" / "scenes"))
-    kinds = {".gltf", ".glb", ".obj", ".ply", ".stl"}
-    found = [p for folder in ("khronos", "hostile") for p in sorted((root / folder).rglob("*"))
-             if p.suffix.lower() in kinds and p.is_file()]
-    return found
-
-
 @pytest.mark.slow
 def test_every_outside_scene_that_loads_is_finite(context):
     """Khronos' sample models and files made to break readers; SSIL_TEST_SCENES names their folder."""
-    paths = outside_scenes()
+    paths = sample_files("khronos", "hostile")
     if not paths:
-        pytest.skip("no scenes: set SSIL_TEST_SCENES to a folder with khronos/ and hostile/")
+        pytest.skip(NO_SAMPLES)
     rendered = []
     for path in paths:
         try:
