@@ -15,6 +15,7 @@ from ssil_viewer.app.camera_control import CameraControl, camera_flags
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings, load_preset, load_settings
@@ -34,14 +35,16 @@ class WindowControl(Protocol):
 
 
 def _shows_errors(method: _Method) -> _Method:
-    """Turn a UserError of an action into a message in the window."""
+    """Turn an error that the user can mend into a message in the window."""
     @functools.wraps(method)
     def shown(self: Actions, *arguments: Any) -> Any:
         try:
             return method(self, *arguments)
         except UserError as error:
             self.state.say(str(error), "error")
-            return None
+        except ShaderError as error:
+            self.state.shader_error = str(error)
+        return None
     return shown  # type: ignore[return-value]
 
 
@@ -61,6 +64,7 @@ class Actions:
         self._loader = loader
         self._window = window
         self._view_after_loading: Camera | None = None
+        self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
 
     # What is shown
@@ -175,7 +179,7 @@ class Actions:
 
     def open_scene(self, source: str) -> None:
         """Load a scene in the background; the present one stays until it is there."""
-        self._view_after_loading = None
+        self._view_after_loading = self._settings_after_loading = None
         self.state.loading = source
         self._loader.start(source)
 
@@ -284,6 +288,13 @@ class Actions:
         """Close the window."""
         self._window.close()
 
+    def keep_buffer_valid(self) -> None:
+        """Drop a buffer that the settings took away, and keep its level among those that there are."""
+        if self.state.buffer is not None:
+            if self.state.buffer not in self._renderer.buffers():
+                self.state.buffer = None
+            self.state.level = self._level_in_range(self.state.level)
+
     def _step_buffer(self, step: int) -> None:
         names: list[str | None] = [None, *self._renderer.buffers()]
         at = names.index(self.state.buffer) if self.state.buffer in names else 0
@@ -296,26 +307,31 @@ class Actions:
 
     def _level_in_range(self, level: int) -> int:
         info = self._renderer.buffers().get(self.state.buffer or "")
-        return min(max(level, info.levels[0]), info.levels[-1]) if info else 0
+        return min(max(level, info.levels[0]), info.levels[-1]) if info and info.levels else 0
 
     def _restore(self, view: saved_view.SavedView) -> None:
-        self.state.settings = view.settings
         if view.scene and view.scene != self.state.scene.name:
+            # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
-            self._view_after_loading = view.camera
-        else:
-            self.state.camera.set_camera(view.camera)
+            self._view_after_loading, self._settings_after_loading = view.camera, view.settings
+            return
+        self.state.settings = view.settings
+        self.state.camera.set_camera(view.camera)
         self.state.say("Settings and camera of the picture")
 
     @_shows_errors
     def _take(self, outcome: Loaded) -> None:
+        camera, settings = self._view_after_loading, self._settings_after_loading
+        self._view_after_loading = self._settings_after_loading = None
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
         self._renderer.set_scene(outcome.scene)
         self.state.open_scene(outcome.scene, outcome.camera)
-        if self._view_after_loading is not None:
-            self.state.camera.set_camera(self._view_after_loading)
-            self._view_after_loading = None
+        if camera is not None:
+            self.state.camera.set_camera(camera)
+        if settings is not None:
+            self.state.settings = settings
+            self.state.say("Settings and camera of the picture")
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"
                        + (f", {count} warning{'s' if count > 1 else ''}: see Scene" if count else ""))

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -224,6 +225,29 @@ def test_failures_come_back_as_messages(error):
     loader.start("x.glb")
     outcome = wait_for(loader)
     assert outcome.scene is None and str(error) in outcome.error and "x.glb" in outcome.error
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_settings_and_camera_of_a_picture_wait_for_its_scene(exists):
+    other = dataclasses.replace(SCENE, name="other.glb")
+
+    def load(source):
+        if not exists:
+            raise UserError("there is no such file", source)
+        return other
+
+    state = AppState(Settings(), SCENE, SCENE.cameras[0])
+    state.open_scene(SCENE, SCENE.cameras[0])
+    renderer = SimpleNamespace(set_scene=lambda scene: None)
+    actions = Actions(state, renderer, SceneLoader(load, lambda scene: scene.cameras[0]), None)
+    actions._restore(saved_view.SavedView("other.glb", Settings(samples=7), Camera(eye=(0, 0, 50))))
+    assert state.settings == Settings() and state.camera.eye[2] == 1.0 and state.scene is SCENE
+    end = time.monotonic() + 10.0
+    while state.loading and time.monotonic() < end:
+        actions.poll_loader()
+    assert state.scene is (other if exists else SCENE)
+    assert state.settings == Settings(samples=7 if exists else 64)
+    assert state.camera.eye[2] == (50.0 if exists else 1.0)
 
 
 # State and files
