@@ -23,6 +23,7 @@ from ssil_viewer.app.pacing import Pacer
 from ssil_viewer.app.scene_loading import SceneLoader
 from ssil_viewer.app.state import AppState, PixelReading
 from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Light, Scene
@@ -89,6 +90,9 @@ class Viewer:
         self._renderer.set_scene(scene)
         self._sent_lights: tuple[Light, ...] = self.state.lights
         self._sent_buffer: tuple[str | None, int] = (None, 0)
+        self._refused_size: Any = None        # with the settings under which it was refused
+        self._shown: tuple[Settings, str | None, int] | None = None   # of the last frame without an error
+        self._broken_view: Any = None         # its shaders do not compile
         self._imgui = imgui.create_context()
         imgui.get_io().set_ini_filename("")
         theme.load_font()
@@ -126,14 +130,12 @@ class Viewer:
         self._send()
         view = self._look()
         self._pacer.continuous = self.state.continuous
-        if self._pacer.should_render(now, view, self.state.settings, self.state.frame_time):
+        if (self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)
+                and view != self._broken_view):
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
             self._rendered = True
-            try:
-                self._renderer.render(self.state.camera.camera())
-            except UserError as error:  # no memory for shadow maps, for one; the last picture stays
-                self.state.say(str(error), "error")
+            self._render(view)
             self.frames += 1
             if self.frames == _HINT_FRAME and self.state.frame_time > _SLOW_FRAME:
                 self.state.say("Frames are slow here: try Settings > fast, or Window > Image scale")
@@ -198,9 +200,8 @@ class Viewer:
     def _send(self) -> None:
         """Bring the renderer to the state; what it refuses is taken back and reported."""
         state, renderer = self.state, self._renderer
+        self._resize()
         try:
-            if renderer.size != self._render_size():
-                renderer.resize(self._render_size())
             if renderer.settings != state.settings:
                 renderer.set_settings(state.settings)
         except UserError as error:
@@ -210,14 +211,58 @@ class Viewer:
         if lights != self._sent_lights:
             renderer.set_lights(lights)
             self._sent_lights = lights
-        if state.buffer is not None and state.buffer not in renderer.buffers():
-            state.buffer = None
-        if (state.buffer, state.level) != self._sent_buffer:
-            renderer.show_buffer(state.buffer, state.level)
-            self._sent_buffer = (state.buffer, state.level)
+        self._send_buffer()
         if state.camera.jumped:
             renderer.reset_history()
             state.camera.jumped = False
+
+    def _resize(self) -> None:
+        size, renderer = self._render_size(), self._renderer
+        asked = size, renderer.settings
+        if size == renderer.size:
+            self._refused_size = None
+        elif asked != self._refused_size:
+            try:
+                renderer.resize(size)
+            except UserError as error:
+                self._refused_size = asked
+                self.state.say(str(error), "error")
+
+    def _send_buffer(self) -> None:
+        state, renderer = self.state, self._renderer
+        self.actions.keep_buffer_valid()
+        if (state.buffer, state.level) != self._sent_buffer:
+            try:
+                renderer.show_buffer(state.buffer, state.level)
+            except UserError as error:
+                state.say(str(error), "error")
+                state.buffer, state.level = None, 0
+                renderer.show_buffer(None)
+            self._sent_buffer = (state.buffer, state.level)
+
+    def _render(self, view: Any) -> None:
+        """One frame; after an error the last picture stays, or is drawn again."""
+        state, renderer = self.state, self._renderer
+        try:
+            renderer.render(state.camera.camera())
+            self._shown = (state.settings, state.buffer, state.level)
+        except UserError as error:  # no memory for shadow maps, for one
+            state.say(str(error), "error")
+        except ShaderError as error:
+            if self._shown is None:
+                raise
+            state.shader_error = str(error)
+            renderer.set_lights(self._sent_lights)   # shadow maps may not have been drawn
+            if self._shown == (state.settings, state.buffer, state.level):
+                self._broken_view = view   # not the settings' doing, so wait for another view
+                return
+            state.settings, state.buffer, state.level = self._shown
+            # New targets are empty: fill them before they are seen.
+            self._send()
+            try:
+                renderer.render(state.camera.camera())
+            except (UserError, ShaderError):
+                self._broken_view = self._look()
 
     def _look(self) -> Any:
         """Everything that the picture depends on."""
@@ -232,7 +277,11 @@ class Viewer:
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now
-            self.state.pixel = self._read_pixel()
+            try:
+                self.state.pixel = self._read_pixel()
+            except (UserError, ShaderError) as error:
+                self.state.pixel, self.state.inspector = None, False
+                self.state.say(str(error), "error")
         self._look_for_light(now, view)
 
     def _window_pixels(self) -> np.ndarray:
@@ -256,7 +305,10 @@ class Viewer:
             self._changed_at = None
             buffers = self._renderer.buffers()
             if "radiance" in buffers and state.settings.bounces:
-                self._lit = bool(np.any(self._renderer.read("radiance", buffers["radiance"].levels[-1]) > 0.0))
+                try:
+                    self._lit = bool(np.any(self._renderer.read("radiance", buffers["radiance"].levels[-1]) > 0.0))
+                except (UserError, ShaderError) as error:
+                    state.say(str(error), "error")
         state.no_indirect = why_no_indirect(state.settings, state.scene, self._sent_lights, self._lit)
 
     def _read_pixel(self) -> PixelReading | None:

@@ -19,6 +19,8 @@ from ssil_viewer.app.panels import settings as settings_panel
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.window import Viewer, run_window
 from ssil_viewer.errors import UserError
+from ssil_viewer.gpu import screen_program
+from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Light
 from ssil_viewer.settings import Settings
@@ -351,6 +353,84 @@ def test_settings_that_the_renderer_refuses_are_taken_back(viewer, monkeypatch):
     turn(viewer)
     assert viewer.state.settings == SETTINGS
     assert any("too much" in toast.text for toast in viewer.state.toasts)
+
+
+def test_a_refused_size_is_not_asked_for_again(viewer, monkeypatch):
+    asked = []
+
+    def refuse(size):
+        asked.append(size)
+        raise UserError("too large", "--size")
+
+    monkeypatch.setattr(viewer._renderer, "resize", refuse)
+    viewer.state.render_scale = 0.6
+    viewer.state.settings = SETTINGS.replaced({"exposure": 0.5})
+    turn(viewer)
+    assert len(asked) == 2   # once more under other settings
+    assert viewer.state.settings.exposure == 0.5 and any("too large" in toast.text for toast in viewer.state.toasts)
+
+
+def test_fewer_levels_take_the_shown_level_along(viewer):
+    viewer.actions.toggle_panels()
+    viewer.state.inspector = True
+    viewer._on_move(*IMAGE_POINT, 0, 0)
+    viewer.state.settings = SETTINGS.replaced({"levels": 4})
+    turn(viewer, 1)
+    viewer.state.buffer, viewer.state.level = "radiance", viewer._renderer.buffers()["radiance"].levels[-1]
+    turn(viewer, 1)
+    viewer.state.settings = SETTINGS
+    viewer._last_reading = 0.0
+    turn(viewer, 1)
+    assert viewer.state.buffer == "radiance"
+    assert viewer.state.level == viewer._renderer.buffers()["radiance"].levels[-1]
+    assert viewer.state.inspector and viewer.state.pixel
+
+
+def test_the_inspector_is_put_away_when_it_cannot_read(viewer, monkeypatch):
+    def refuse(name, level=0):
+        raise UserError("there is no such buffer")
+
+    viewer.state.inspector, viewer._last_reading = True, 0.0
+    viewer._on_move(*IMAGE_POINT, 0, 0)
+    monkeypatch.setattr(viewer._renderer, "read", refuse)
+    turn(viewer, 1)
+    assert not viewer.state.inspector and any("no such buffer" in toast.text for toast in viewer.state.toasts)
+
+
+def test_settings_whose_shaders_do_not_compile_are_taken_back(viewer, monkeypatch):
+    before, broken = picture(viewer), []
+    init = screen_program.ScreenProgram.__init__
+
+    def compile(self, context, variant, *arguments):
+        if variant.shader == "passes/gather.glsl":
+            broken.append(variant)
+            raise ShaderError("passes/gather.glsl:12: wrong")
+        init(self, context, variant, *arguments)
+
+    monkeypatch.setattr(screen_program.ScreenProgram, "__init__", compile)
+    viewer.state.settings = SETTINGS.replaced({"form_factor": "point", "levels": 3})
+    turn(viewer)
+    assert len(broken) == 1 and "gather.glsl:12" in viewer.state.shader_error
+    assert viewer.state.settings == viewer._renderer.settings == SETTINGS
+    assert np.abs(picture(viewer) - before).mean() < 4.0
+
+
+def test_a_view_whose_shaders_do_not_compile_leaves_the_picture(viewer, monkeypatch):
+    before, tries = picture(viewer), []
+
+    def fail(camera):
+        tries.append(camera)
+        raise ShaderError("passes/shadow.glsl:3: wrong")
+
+    monkeypatch.setattr(viewer._renderer, "render", fail)
+    turn(viewer)
+    assert len(tries) == 1 and "shadow.glsl:3" in viewer.state.shader_error
+    assert np.array_equal(picture(viewer), before)
+    monkeypatch.undo()
+    frames = viewer.frames
+    viewer.actions.reload_shaders()
+    turn(viewer, 1)
+    assert viewer.frames == frames + 1 and viewer.state.shader_error == ""
 
 
 def test_a_shader_error_is_shown_and_the_picture_stays(viewer, monkeypatch):
