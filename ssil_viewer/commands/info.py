@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 
 from ssil_viewer import output
 from ssil_viewer.commands.parser import Parser, add_scene
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.warning_list import printable
 
 USAGE = "SCENE [flags]"
 EPILOG = ""
@@ -31,13 +34,17 @@ def run(args: argparse.Namespace) -> None:
     targets = _target_bytes()
     if args.json is None:
         print(format_description(description))
-        if targets is not None:
+        if isinstance(targets, str):
+            print(f"  render targets: not known ({printable(targets, 400)})")
+        else:
             total = sum(targets.values())
             per_pixel = total / (_SIZE[0] * _SIZE[1])
             print(f"  on the GPU  {per_pixel:.0f} bytes per pixel of render targets,"
                   f" {total / 1e6:.0f} MB at {_SIZE[0]}x{_SIZE[1]} with default settings")
         return
-    if targets is not None:
+    if isinstance(targets, str):
+        print(f"ssil-viewer: warning: render targets: not known ({printable(targets, 400)})", file=sys.stderr)
+    else:
         description["render_targets"] = {"size": list(_SIZE), "bytes": targets}
     text = json.dumps(description, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if target is None:
@@ -46,8 +53,8 @@ def run(args: argparse.Namespace) -> None:
         output.write_text(target, text)
 
 
-def _target_bytes() -> dict[str, int] | None:
-    """Bytes of each render target, or None where there is no OpenGL to ask."""
+def _target_bytes() -> dict[str, int] | str:
+    """Bytes of each render target, or the reason why there is no OpenGL to ask."""
     try:
         from ssil_viewer.gpu.context import create_headless_context
         from ssil_viewer.pipeline import Renderer
@@ -61,6 +68,5 @@ def _target_bytes() -> dict[str, int] | None:
                 renderer.release()
         finally:
             context.release()
-    except Exception:
-        # Drivers fail in many ways, and the scene can be described without any of them.
-        return None
+    except UserError as error:  # the scene can be described without OpenGL
+        return str(error)

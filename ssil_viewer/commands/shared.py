@@ -7,7 +7,7 @@ import dataclasses
 import difflib
 import math
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings, knobs, load_preset, load_settings
 
 _WARNINGS_SHOWN = 8
+_LEVEL_SETTINGS = {"start_level", "levels"}
 
 
 def settings_of(args: argparse.Namespace) -> Settings:
@@ -27,29 +28,37 @@ def settings_of(args: argparse.Namespace) -> Settings:
         UserError: An unknown preset, a bad file, or levels that do not fit the size that was asked for.
     """
     settings = Settings()
+    sources: dict[str, str] = {}  # levels that somebody asked for, and where: "" for flags
     if args.preset is not None:
-        settings = load_preset(args.preset, settings)
+        settings = _and_sources(load_preset(args.preset, settings), settings, f"--preset {args.preset}", sources)
     if args.settings is not None:
-        settings = load_settings(Path(args.settings), settings)
+        settings = _and_sources(load_settings(Path(args.settings), settings), settings, args.settings, sources)
     flags = {info.name: getattr(args, info.name) for info in knobs() if hasattr(args, info.name)}
     settings = settings.replaced(flags)
-    check_fits(args.size, settings, flags)
+    check_fits(args.size, settings, sources | dict.fromkeys(_LEVEL_SETTINGS & flags.keys(), ""))
     return settings
 
 
-def check_fits(size: tuple[int, int], settings: Settings, explicit: Collection[str]) -> None:
+def _and_sources(settings: Settings, base: Settings, source: str, sources: dict[str, str]) -> Settings:
+    """Notes in `sources` which levels differ from those of `base`; returns `settings`."""
+    changed = {name for name in _LEVEL_SETTINGS if getattr(settings, name) != getattr(base, name)}
+    sources.update(dict.fromkeys(changed, source))
+    return settings
+
+
+def check_fits(size: tuple[int, int], settings: Settings, explicit: Mapping[str, str]) -> None:
     """Refuses levels that the user asked for and that the image has no room for.
 
-    A level whose texel is twice the image's larger side says nothing that the level before did not. Defaults
-    and presets are not held to that: a tiny image simply works.
+    A level whose texel is twice the image's larger side says nothing that the level before did not. Defaults are
+    not held to that: a tiny image simply works.
 
     Args:
-        explicit: Names of the settings that were given as flags.
+        explicit: Names of the settings that were asked for, with the file or preset, or "" for flags.
 
     Raises:
         UserError: Names how many levels fit.
     """
-    if not {"start_level", "levels"} & set(explicit):
+    if not _LEVEL_SETTINGS & explicit.keys():
         return
     side = max(size)
     coarsest = (2 * side - 1).bit_length() - 1  # largest L with 2^L < 2 * side
@@ -60,8 +69,9 @@ def check_fits(size: tuple[int, int], settings: Settings, explicit: Collection[s
     if fitting >= 1:
         advice = f"give at most {fitting} level{'s' if fitting > 1 else ''}, or a larger --size"
         raise UserError(f"{settings.levels} levels from start level {settings.start_level} do not fit {image}",
-                        "--levels", advice)
-    raise UserError(f"start level {settings.start_level} does not fit {image}", "--start-level",
+                        explicit.get("levels") or explicit.get("start_level") or "--levels", advice)
+    raise UserError(f"start level {settings.start_level} does not fit {image}",
+                    explicit.get("start_level") or explicit.get("levels") or "--start-level",
                     f"give at most {coarsest} with --levels 1, or a larger --size")
 
 

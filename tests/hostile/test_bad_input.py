@@ -121,6 +121,20 @@ def test_an_opengl_that_is_absent_or_too_old(workplace, environment):
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL is Linux's way")
+@pytest.mark.parametrize("json", [False, True])
+def test_info_without_opengl_says_what_it_does_not_know(workplace, json):
+    environment = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
+    done = run(["info", "builtin:cornell", *(["--json", "-"] if json else [])], env=environment)
+    assert done.returncode == 0
+    shown = done.stderr if json else done.stdout
+    if "not known" not in shown:
+        pytest.skip("this EGL does not look its drivers up")
+    assert "render targets: not known (OpenGL 3.3 or newer is needed" in shown
+    assert "cornell" in done.stdout
+    assert done.stderr.count("\n") == int(json)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes differ")
 def test_a_reader_that_goes_away(workplace):
     command = f"{sys.executable} -m ssil_viewer info builtin:atrium --json - | head -c 1"

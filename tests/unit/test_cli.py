@@ -109,8 +109,8 @@ def test_impossible_sizes(text):
 
 
 @pytest.mark.parametrize("size", ["1x1", "3x7", "1x720", "7919x1"])
-@pytest.mark.parametrize("preset", [None, "fast", "quality", "talk-half-5-levels"])
-def test_tiny_images_work_with_defaults_and_presets(size, preset):
+@pytest.mark.parametrize("preset", [None, "fast", "talk-quarter-64"])
+def test_tiny_images_work_with_defaults_and_presets_that_keep_the_levels(size, preset):
     settings("--size", size, *(["--preset", preset] if preset else []))
 
 
@@ -123,11 +123,26 @@ def test_levels_that_do_not_fit_are_refused_and_the_number_that_fits_is_named():
     assert settings("--size", "3x7", "--start-level", "3", "--levels", "1").start_level == 3
 
 
+def test_levels_that_do_not_fit_are_refused_from_a_file_or_preset_too(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("levels = 5\n")
+    with pytest.raises(UserError, match=r"5 levels from start level 2 do not fit an image of 3x7, .*mine\.toml, give"):
+        settings("--size", "3x7", "--settings", str(file))
+    with pytest.raises(UserError, match="do not fit an image of 3x7, --preset quality, give at most 3 levels"):
+        settings("--size", "3x7", "--preset", "quality")
+    assert settings("--size", "3x7", "--preset", "quality", "--levels", "2").levels == 2
+    file.write_text("start_level = 6\n")
+    with pytest.raises(UserError, match=r"start level 6 does not fit .*mine\.toml, give at most 3"):
+        settings("--size", "3x7", "--settings", str(file))
+    file.write_text("levels = 4\n")
+    assert settings("--size", "3x7", "--settings", str(file)) == Settings(), "what is the default is not refused"
+
+
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 5, 127, 128, 129])
 def test_the_number_that_is_named_fits_and_one_more_does_not(side):
     def fits(levels):
         try:
-            shared.check_fits((side, 1), dataclasses.replace(Settings(), start_level=0, levels=levels), {"levels"})
+            shared.check_fits((side, 1), dataclasses.replace(Settings(), start_level=0, levels=levels), {"levels": ""})
         except UserError:
             return False
         return True
