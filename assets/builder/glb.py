@@ -162,8 +162,7 @@ class SceneBuilder:
 
     def camera(self, name: str, eye: Sequence[float], target: Sequence[float], fov: float, near: float = 0.05) -> None:
         """Adds a perspective camera; `fov` is the full vertical angle in degrees, the rest is in metres."""
-        perspective = {"yfov": _rounded([np.radians(fov)])[0], "znear": near, "zfar": 200.0}
-        perspective["aspectRatio"] = _rounded([16.0 / 9.0])[0]
+        perspective = {"yfov": _rounded([np.radians(fov)])[0], "znear": near}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         forward = unit(np.asarray(target, dtype=np.float64) - np.asarray(eye, dtype=np.float64))
         self._add_node(

@@ -121,17 +121,19 @@ class MaterialReader:
         occlusion = object_at(entry, "occlusionTexture")
         strength = number_at(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
         emission = vector_at(entry, "emissiveFactor", (0.0, 0.0, 0.0))
+        if min(emission) * strength < 0.0 or max(emission) * strength < 0.0:
+            self._warnings.add("negative emission was set to zero", name)
         material = Material(
             name=name,
-            base_color=_color(pbr, "baseColorFactor"),
+            base_color=self._color(pbr, "baseColorFactor", name),
             base_color_texture=self._texture(pbr, "baseColorTexture", name),
-            metallic=_unit_range(number_at(pbr, "metallicFactor", 1.0)),
-            roughness=_unit_range(number_at(pbr, "roughnessFactor", 1.0)),
+            metallic=self._unit(pbr, "metallicFactor", name),
+            roughness=self._unit(pbr, "roughnessFactor", name),
             metallic_roughness_texture=self._texture(pbr, "metallicRoughnessTexture", name),
             normal_texture=self._texture(entry, "normalTexture", name),
             normal_scale=number_at(normal, "scale", 1.0),
             occlusion_texture=self._texture(entry, "occlusionTexture", name),
-            occlusion_strength=_unit_range(number_at(occlusion, "strength", 1.0)),
+            occlusion_strength=self._unit(occlusion, "strength", name),
             emission=tuple(max(0.0, value * strength) for value in emission),
             emission_texture=self._texture(entry, "emissiveTexture", name),
             alpha_mode=self._alpha_mode(entry, name),
@@ -139,6 +141,20 @@ class MaterialReader:
             double_sided=entry.get("doubleSided") is True,
         )
         return self._with_extensions(material, entry)
+
+    def _color(self, owner: dict, key: str, material: str) -> tuple[float, float, float, float]:
+        """An RGBA factor, white when absent; more than 1 would reflect more light than there is."""
+        red, green, blue, alpha = vector_at(owner, key, (1.0, 1.0, 1.0, 1.0))
+        return tuple(self._clamped(value, key, material) for value in (red, green, blue, alpha))
+
+    def _unit(self, owner: dict, key: str, material: str) -> float:
+        """A factor from 0 to 1, 1 when absent."""
+        return self._clamped(number_at(owner, key, 1.0), key, material)
+
+    def _clamped(self, value: float, key: str, material: str) -> float:
+        if not 0.0 <= value <= 1.0:
+            self._warnings.add("material factors outside of 0 to 1 were clamped", f"{material} ({key})")
+        return min(max(value, 0.0), 1.0)
 
     def _alpha_mode(self, entry: dict, name: str) -> str:
         mode = text_at(entry, "alphaMode", "OPAQUE").lower()
@@ -153,7 +169,7 @@ class MaterialReader:
         """The material changed by the extensions that are honoured."""
         specular = extension(entry, "KHR_materials_specular")
         if specular is not None:
-            material = replace(material, specular=_unit_range(number_at(specular, "specularFactor", 1.0)))
+            material = replace(material, specular=self._unit(specular, "specularFactor", material.name))
             for key in ("specularTexture", "specularColorTexture"):
                 if key in specular:
                     self._warnings.add(f"{key} of KHR_materials_specular is not supported", material.name)
@@ -171,10 +187,10 @@ class MaterialReader:
                 self._warnings.add("specularGlossinessTexture is not supported", material.name)
             material = replace(
                 material,
-                base_color=_color(glossiness, "diffuseFactor"),
+                base_color=self._color(glossiness, "diffuseFactor", material.name),
                 base_color_texture=self._texture(glossiness, "diffuseTexture", material.name),
                 metallic=0.0,
-                roughness=1.0 - _unit_range(number_at(glossiness, "glossinessFactor", 1.0)),
+                roughness=1.0 - self._unit(glossiness, "glossinessFactor", material.name),
                 metallic_roughness_texture=None,
             )
         if extension(entry, "KHR_materials_unlit") is not None:
@@ -271,13 +287,3 @@ def _with_images(material: Material, places: dict[int, int], broken: set[int]) -
         else:
             changes[slot] = replace(ref, image=places[ref.image])
     return replace(material, **changes)
-
-
-def _color(owner: dict, key: str) -> tuple[float, float, float, float]:
-    """An RGBA factor, white when absent; more than 1 would reflect more light than there is."""
-    red, green, blue, alpha = vector_at(owner, key, (1.0, 1.0, 1.0, 1.0))
-    return _unit_range(red), _unit_range(green), _unit_range(blue), _unit_range(alpha)
-
-
-def _unit_range(value: float) -> float:
-    return min(max(value, 0.0), 1.0)

@@ -278,21 +278,26 @@ def _camera(document: Document, node: PlacedNode, center: np.ndarray) -> Camera:
     kind = entry.get("type")
     near: float | None = None
     if kind == "perspective":
-        lens = object_at(entry, "perspective")
+        lens = object_at(entry, kind)
         fov = number_at(lens, "yfov", math.radians(45.0))
         if not 0.0 < fov < math.pi:
             raise Malformed("its field of view is out of range")
         near = number_at(lens, "znear", 0.0)
         near = near if near > 0.0 else None
+        if "aspectRatio" in lens:
+            document.warnings.add("the aspect ratio of a camera is ignored, the image has its own", name)
     elif kind == "orthographic":
         document.warnings.add("an orthographic camera is replaced by a distant perspective one", name)
-        half_height = abs(number_at(object_at(entry, "orthographic"), "ymag", 1.0)) or 1.0
+        lens = object_at(entry, kind)
+        half_height = abs(number_at(lens, "ymag", 1.0)) or 1.0
         fov = ORTHOGRAPHIC_FOV
         on_axis = eye + forward * max(distance, 0.0)
         distance = half_height / math.tan(fov / 2.0)
         eye = on_axis - forward * distance
     else:
         raise Malformed(f"its type {kind!r} is unknown")
+    if "zfar" in lens:
+        document.warnings.add("the far plane (zfar) of a camera is ignored, nothing is cut off", name)
     target = eye + forward * (distance if distance > 0.0 else 1.0)
     return Camera(name, tuple(eye.tolist()), tuple(target.tolist()), tuple(up.tolist()), fov, near)
 

@@ -59,6 +59,24 @@ def test_core_material_keeps_exact_factors(tmp_path):
     assert scene.lights == ()  # it shines by itself
 
 
+@pytest.mark.parametrize("key, value", [("metallicFactor", -1), ("roughnessFactor", 1.5),
+                                        ("baseColorFactor", [1, 1, 1, 2]), ("baseColorFactor", [3, 1, 1, 1])])
+def test_factors_out_of_range_are_clamped_with_a_warning(tmp_path, key, value):
+    builder = GltfBuilder()
+    index = builder.material(name="m", pbrMetallicRoughness={key: value})
+    material, scene = material_of(tmp_path, builder, index)
+    assert all(0 <= factor <= 1 for factor in (material.metallic, material.roughness, *material.base_color))
+    assert warnings(scene) == [f"material factors outside of 0 to 1 were clamped: m ({key})"]
+
+
+def test_an_index_of_refraction_below_one_is_replaced_with_a_warning(tmp_path):
+    builder = GltfBuilder()
+    index = builder.material(name="m", extensions={"KHR_materials_ior": {"ior": 0.5}})
+    material, scene = material_of(tmp_path, builder, index)
+    assert material.ior == 1.5
+    assert warnings(scene) == ["an index of refraction below 1 is replaced by 1.5: m"]
+
+
 def test_sampler_and_texture_transform(tmp_path):
     builder = GltfBuilder()
     sampler = {"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}

@@ -95,6 +95,16 @@ def test_camera_with_transformed_parent(tmp_path):
     assert (camera.name, camera.vertical_fov, camera.near) == ("eye", 0.7, 0.25)
 
 
+def test_what_a_camera_asks_for_in_vain_is_named_once(tmp_path):
+    builder = quad_scene()
+    for index in range(2):
+        lens = {"yfov": 0.7, "znear": 0.25, "zfar": 10, "aspectRatio": 2}
+        builder.node(camera=builder.add("cameras", {"type": "perspective", "perspective": lens}), name=f"c{index}")
+    aspect, far = sorted(warnings(load(builder, tmp_path)))
+    assert "aspect ratio" in aspect and aspect.endswith(": c0, c1")
+    assert "zfar" in far and far.endswith(": c0, c1")
+
+
 def test_orthographic_camera_keeps_the_height_of_the_picture(tmp_path):
     builder = quad_scene()
     entry = {"type": "orthographic", "orthographic": {"xmag": 3, "ymag": 2, "znear": 0.1, "zfar": 10}}
