@@ -86,7 +86,8 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
     # From inside a scene the near plane is a two-thousandth of its size: near enough not to be noticed, far
     # enough for the depth buffer.
     near = camera.near or max(float(depths.min()) * 0.99, diagonal * 5e-4)
-    near = min(near, far * 0.5)
+    # 24 bits of depth tell nothing apart behind a near plane that is closer still
+    near = min(max(near, far * 1e-4), far * 0.5)
     tan_y = math.tan(camera.vertical_fov / 2)
     tan_half = (tan_y * size[0] / size[1], tan_y)
     return View(view, perspective(tan_half, near, far), near, far)

@@ -13,6 +13,7 @@ from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import View, make_frame, radius_texels
 from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.gpu.gl import GLFunctions
+from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
 from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, target_bytes
@@ -256,7 +257,15 @@ class PassRunner:
 
     def compile_again(self) -> dict[Variant, ScreenProgram]:
         """All programs compiled anew from their files, for `adopt`. Raises ShaderError; nothing has changed then."""
-        return {variant: ScreenProgram(self.context, variant, self.stage, FrameBlock) for variant in self._programs}
+        fresh: dict[Variant, ScreenProgram] = {}
+        try:
+            for variant in self._programs:
+                fresh[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
+        except ShaderError:
+            for program in fresh.values():
+                program.release()
+            raise
+        return fresh
 
     def adopt(self, programs: dict[Variant, ScreenProgram]) -> None:
         """Replace the programs by these."""
@@ -278,3 +287,4 @@ class PassRunner:
         self._release_programs()
         self.targets.release()
         self._uniforms.release()
+        self._timers.release()

@@ -38,10 +38,12 @@ class SceneFrame(Frame):
     def draw_gbuffer(self, writes: tuple[tuple[str, str], ...]) -> None:
         """Rasterize the scene's materials into the bound framebuffer."""
         self.drawer.draw_gbuffer(writes)
+        self.runner.unbind()    # the drawer binds textures of its own
 
     def draw_depth(self, clip_from_world: bytes) -> None:
         """Rasterize the scene's depth from another view into the bound framebuffer."""
         self.drawer.draw_depth(clip_from_world)
+        self.runner.unbind()
 
 
 class Renderer:
@@ -171,8 +173,13 @@ class Renderer:
         """
         try:
             fresh = self._runner.compile_again()
+        except ShaderError as error:
+            return str(error)
+        try:
             self._drawer.reload()
         except ShaderError as error:
+            for program in fresh.values():
+                program.release()
             return str(error)
         self._runner.adopt(fresh)
         self._lights_moved = True

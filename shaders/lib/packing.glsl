@@ -78,6 +78,14 @@ Lobe decode_lobe(uvec2 bits) {
     return Lobe(decode_rgb9e5(bits.x), direction, back / max(1.0 - back, 1.0 / 255.0));
 }
 
+// What half floats hold. Overflow would be infinity on some hardware and the largest number on other; NaN fails the
+// comparison and becomes 0. For values that cannot be negative.
+vec3 finite_half(vec3 c) {
+    const float LARGEST = 65504.0;
+    return vec3(c.r > 0.0 ? min(c.r, LARGEST) : 0.0, c.g > 0.0 ? min(c.g, LARGEST) : 0.0,
+                c.b > 0.0 ? min(c.b, LARGEST) : 0.0);
+}
+
 // Reflectance in 8 bits: the square root spends the codes where the eye needs them, and 0.0019 is not 0.
 vec4 encode_reflectance(vec4 value) { return vec4(sqrt(clamp(value.rgb, 0.0, 1.0)), value.a); }
 vec4 decode_reflectance(vec4 value) { return vec4(value.rgb * value.rgb, value.a); }

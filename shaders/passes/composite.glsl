@@ -23,9 +23,9 @@ void shade(ivec2 px) {
     vec3 color = indirect;
 #endif
 #ifdef WRITE_FINAL
-    out_final = vec4(direct + indirect, 1.0);
+    out_final = vec4(finite_half(direct + indirect), 1.0);
 #endif
-    color *= frame.exposure;
+    color = finite_half(color * frame.exposure);
 #if TONE_MAP == 0
     color = tone_map_aces(color);
 #elif TONE_MAP == 1

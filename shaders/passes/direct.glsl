@@ -34,5 +34,5 @@ void shade(ivec2 px) {
         }
     }
     out_radiance = emission + albedo * irradiance * (1.0 / PI);
-    out_direct = vec4(out_radiance + highlight, 1.0);
+    out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
 }

@@ -29,7 +29,7 @@ void main() {
     base *= sample_map(base_color_map, specular_layers.y, 0, uv, materials, material_row);
 #endif
 #ifdef ALPHA_MASK
-    if (base.a < surface_factors.w) discard;
+    bool hole = base.a < surface_factors.w;
 #endif
     float metallic = surface_factors.x, roughness = surface_factors.y;
 #ifdef METALLIC_ROUGHNESS_MAP
@@ -70,10 +70,13 @@ void main() {
     out_specular = vec4(f0, roughness);
     out_emission = emission;
     vec2 now = clip_now.xy / clip_now.z;
-    vec2 before = clip_previous.xy / max(clip_previous.w, 1e-6);
+    vec2 before = clip_previous.xy / max(clip_previous.w, frame.near * 1e-3);
     // Behind the old camera there is no old pixel: a displacement out of the image says so.
-    bool visible_before = clip_previous.w > 1e-6;
+    bool visible_before = clip_previous.w > frame.near * 1e-3;
     vec2 displacement = visible_before ? (now - before) * 0.5 : vec2(4.0);
     out_motion = vec4(displacement, clip_previous.z / max(-position_vs.z, 1e-30), 0.0);
     store_outputs();
+#ifdef ALPHA_MASK
+    if (hole) discard;      // last: the lookups above take derivatives from neighbours
+#endif
 }

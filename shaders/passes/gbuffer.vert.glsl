@@ -31,7 +31,8 @@ void main() {
     mat3 view_rotation = mat3(frame.view_from_world);
     position_vs = (frame.view_from_world * vec4(world_from_object * vec4(position, 1.0), 1.0)).xyz;
     normal_vs = view_rotation * transform_normal(world_from_object, normal);
-    tangent_vs = vec4(view_rotation * (mat3(world_from_object) * tangent.xyz), tangent.w);
+    tangent_vs = vec4(view_rotation * (mat3(world_from_object) * tangent.xyz),
+                      tangent.w * handedness(world_from_object));
     gl_Position = frame.clip_from_view * vec4(position_vs, 1.0);
     vec4 before_vs = frame.previous_view_from_world * vec4(world_from_object_previous * vec4(position, 1.0), 1.0);
     vec4 before = frame.previous_clip_from_view * before_vs;

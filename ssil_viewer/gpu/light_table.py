@@ -121,7 +121,8 @@ class LightTable:
             scale = 1.0 / max(np.cos(light.inner_cone) - np.cos(light.outer_cone), 1e-3)
             row[0] = (*position, _KINDS[light.kind])
             row[1] = (*direction, light.range if np.isfinite(light.range) else 0.0)
-            row[2] = (*(np.asarray(light.color) * light.intensity), first)
+            # Beyond this, sums over lights would leave single precision; no display shows a difference
+            row[2] = (*np.clip(np.asarray(light.color, np.float64) * light.intensity, 0.0, 1e30), first)
             row[3] = (scale, -np.cos(light.outer_cone) * scale, 0.0, 0.0)
             for (matrix, at_unit_distance, constant), side in zip(_views(light, position, bounds, light_sides),
                                                                   light_sides):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from ssil_viewer.gpu.glsl import compile_program, expand
+from ssil_viewer.gpu.glsl import ShaderError, compile_program, expand
 from ssil_viewer.gpu.scene_buffers import DEPTH_FORMAT, FULL_FORMAT, MASKED_DEPTH_FORMAT, SLOTS, DrawGroup, GpuScene
 from ssil_viewer.gpu.screen_program import declare_fragment_writes
 from ssil_viewer.gpu.uniforms import glsl_block
@@ -33,7 +33,14 @@ class SceneDrawer:
 
     def reload(self) -> None:
         """Compile all programs again from their files. Raises ShaderError and keeps the old ones on failure."""
-        fresh = {key: self._compile(*key) for key in self._programs}
+        fresh: dict[tuple, moderngl.Program] = {}
+        try:
+            for key in self._programs:
+                fresh[key] = self._compile(*key)
+        except ShaderError:
+            for program in fresh.values():
+                program.release()
+            raise
         self._release_arrays()
         for program in self._programs.values():
             program.release()

@@ -152,7 +152,8 @@ class ScreenProgram:
             for at, name in enumerate(self._writes):
                 outputs[name].bind_to_image(at, read=False, write=True)
             self._program.run(-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE))
-            self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
+            self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
+                                         | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
                                          | moderngl.FRAMEBUFFER_BARRIER_BIT)
         else:
             targets.framebuffer(outputs[name] for name in self._writes).use()

@@ -36,7 +36,7 @@ class Timings:
         source: "gpu" for timer queries; "wall" where those lie (software OpenGL): wall time between two
             points at which all work was finished.
         passes: Pass name -> time, in frame order.
-        frame: Wall time of a whole call to `Renderer.render`.
+        frame: Wall time of a whole call to `Renderer.render`; where the GPU works on by itself, the time to submit it.
     """
 
     source: Literal["gpu", "wall"]
@@ -102,20 +102,20 @@ class PassTimers:
             start = time.perf_counter()
             yield
             self._context.finish()
-            self._add(name, (time.perf_counter() - start) * 1e3)
+            self._add(name, self._frame, (time.perf_counter() - start) * 1e3)
             return
         ring = self._rings.setdefault(name, [])
         slot = self._frame % RING
         while len(ring) <= slot:
             ring.append(self._context.query(time=True))
         if self._pending.get(name, 0) >= RING:
-            self._add(name, ring[slot].elapsed * 1e-6)
+            self._add(name, self._frame - RING, ring[slot].elapsed * 1e-6)
         with ring[slot]:
             yield
         self._pending[name] = self._pending.get(name, 0) + 1
 
-    def _add(self, name: str, milliseconds: float) -> None:
-        if self._frame >= WARM_UP_FRAMES:
+    def _add(self, name: str, frame: int, milliseconds: float) -> None:
+        if frame >= WARM_UP_FRAMES:
             self._samples.setdefault(name, deque(maxlen=WINDOW)).append(milliseconds)
 
     def timings(self, order: tuple[str, ...]) -> Timings:
@@ -124,5 +124,6 @@ class PassTimers:
         return Timings(self.source, passes, summarize(self._frame_samples))
 
     def release(self) -> None:
-        """Forget the queries (moderngl deletes them with the context)."""
+        """Drop the queries; moderngl has no call that deletes them before their context goes."""
         self._rings.clear()
+        self._pending.clear()

@@ -120,12 +120,12 @@ def transformed(arrays: VertexArrays, matrices: np.ndarray) -> VertexArrays:
     linear = matrices[:, :3, :3]
     positions = np.einsum("vij,vj->vi", linear, arrays.positions.astype(np.float64)) + matrices[:, :3, 3]
     normals, tangents = arrays.normals, arrays.tangents
+    sign = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
     if normals is not None:
         # Cofactors: the inverse transpose times the determinant, which also exists for flattening transforms.
         cofactors = np.stack([np.cross(linear[:, (i + 1) % 3], linear[:, (i + 2) % 3]) for i in range(3)], axis=1)
-        sign = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
         normals = np.einsum("vij,vj->vi", cofactors, normals.astype(np.float64)) * sign[:, None]
     if tangents is not None:
         moved = np.einsum("vij,vj->vi", linear, tangents[:, :3].astype(np.float64))
-        tangents = np.concatenate([moved, tangents[:, 3:]], axis=1)
+        tangents = np.concatenate([moved, tangents[:, 3:] * sign[:, None]], axis=1)
     return replace(arrays, positions=positions, normals=normals, tangents=tangents)

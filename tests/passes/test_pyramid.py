@@ -205,7 +205,6 @@ def wrongly_black(renderer, camera) -> float:
     return float((exact > 0.1 * light[surfaces.visible].mean()).sum() / surfaces.visible.sum())
 
 
-@pytest.mark.xfail(reason="measured 2 %: blades take a neighbour's light and lose what comes from its other side")
 def test_no_surface_is_black_that_its_neighbours_light(make_renderer):
     """Grass before a lit wall: blades that no coarse texel keeps get the light of their neighbourhood."""
     white = Material(base_color=(0.8, 0.8, 0.8, 1), specular=0.0, double_sided=True)
