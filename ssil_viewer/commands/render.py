@@ -34,7 +34,9 @@ EPILOG = """\
 formats:
   .png  8-bit sRGB; settings and camera are stored in it as JSON
   .exr  linear 32-bit float: the final image, and the main buffers as layers
-  .npz  every named buffer as a float32 array, row 0 = top"""
+  .npz  every named buffer as a float32 array, row 0 = top
+
+The buffer indirect is irradiance times the material's occlusion map; final = direct + albedo / pi * indirect."""
 
 
 def add_flags(parser: Parser) -> None:
