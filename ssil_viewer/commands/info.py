@@ -26,7 +26,8 @@ def run(args: argparse.Namespace) -> None:
     """Prints the description, or writes it as JSON."""
     target = None
     if args.json not in (None, "-"):
-        target = output.check_target(args.json)
+        # Without its FILE the flag would take the scene that follows it, and write over it
+        target = output.check_target(args.json, (".json",))
 
     from ssil_viewer.scene import describe, format_description, load_scene
 

@@ -46,7 +46,7 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def new_light(kind: LightKind, camera: CameraControl) -> Light:
     """A light that shows in the present view, bright enough at the distance of what the camera looks at."""
-    intensity = 3.0 if kind == "directional" else round(5.0 * camera.distance ** 2, 3)
+    intensity = 3.0 if kind == "directional" else round(camera.distance ** 2, 3)
     place = 0.5 * (camera.eye + camera.target)
     direction = _unit(_triple(camera.forward) if kind == "spot" else (-0.3, -0.9, -0.3))
     return Light(kind, f"New {kind}", intensity=intensity, position=_triple(place), direction=direction)
