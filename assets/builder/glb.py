@@ -155,9 +155,10 @@ class SceneBuilder:
         if turn % 360.0:
             half = np.radians(turn) / 2.0
             node["rotation"] = _rounded((0.0, np.sin(half), 0.0, np.cos(half)), digits=9)
-        factors = [scale] * 3 if isinstance(scale, int | float) else list(scale)
+        # Rounded before it is compared: sums that end at 1 differ in the last bit between numpy's versions
+        factors = _rounded([scale] * 3 if isinstance(scale, int | float) else list(scale))
         if factors != [1.0, 1.0, 1.0]:
-            node["scale"] = _rounded(factors)
+            node["scale"] = factors
         self._add_node(node)
 
     def camera(self, name: str, eye: Sequence[float], target: Sequence[float], fov: float, near: float = 0.05) -> None:
