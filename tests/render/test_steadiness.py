@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from ssil_viewer.headless import render_frames
 from ssil_viewer.scene import default_camera, load_scene
@@ -44,20 +45,28 @@ def flicker(make_renderer, scene, camera, size, step, frames=5, **settings) -> f
     return float(np.mean(changes))
 
 
-def test_voted_mips_halve_the_flicker_of_nearest_ones(make_renderer):
-    """A slow pan of one pixel a frame; measured 0.45."""
+def flicker_ratio(make_renderer, size, step) -> float:
+    """Flicker of voted mips over that of nearest ones, on the atrium."""
     scene = load_scene("builtin:atrium")
-    vote, nearest = (flicker(make_renderer, scene, default_camera(scene), (640, 360), 1.0, mip_filter=mip_filter)
+    vote, nearest = (flicker(make_renderer, scene, default_camera(scene), size, step, mip_filter=mip_filter)
                      for mip_filter in ("vote", "nearest"))
-    assert vote < 0.5 * nearest
+    return vote / nearest
 
 
-def test_voted_mips_flicker_less_below_a_pixel_a_frame(make_renderer):
-    """A quarter of a pixel a frame; measured 0.50 to 0.57: what is left comes from receivers at edges."""
-    scene = load_scene("builtin:atrium")
-    vote, nearest = (flicker(make_renderer, scene, default_camera(scene), (320, 180), 0.25, mip_filter=mip_filter)
-                     for mip_filter in ("vote", "nearest"))
-    assert vote < 0.75 * nearest
+def test_voted_mips_halve_the_flicker_at_a_pixel_a_frame(make_renderer):
+    """Measured 0.43."""
+    assert flicker_ratio(make_renderer, (640, 360), 1.0) < 0.5
+
+
+@pytest.mark.xfail(reason="measured 0.58: receivers at edges, which coarse levels keep or lose as a whole")
+def test_voted_mips_halve_the_flicker_at_a_quarter_pixel_a_frame(make_renderer):
+    """The goal is half here too; it is not reached."""
+    assert flicker_ratio(make_renderer, (640, 360), 0.25) < 0.5
+
+
+def test_voted_mips_keep_what_steadiness_they_have(make_renderer):
+    """Guards against a step back, not the goal: measured 0.61 at this size, 0.95 before texels voted by their share."""
+    assert flicker_ratio(make_renderer, (320, 180), 0.25) < 0.65
 
 
 def spread_after(make_renderer, frames: int) -> float:
