@@ -11,6 +11,7 @@ half empty. Dividing the image by the level's own width instead would move every
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Iterator
 
 import numpy as np
 
@@ -58,33 +59,53 @@ def read_surfaces(renderer: Renderer, camera: Camera, level: int = 0) -> Surface
     return Surfaces(position, normal, area, depth > 0)
 
 
-def irradiance(senders: Surfaces, radiance: np.ndarray, position: np.ndarray, normal: np.ndarray,
-               form_factor: str = "disc") -> np.ndarray:
-    """Irradiance at receivers from all visible senders, E = sum of pi L cos F, unoccluded.
+def shining(senders: Surfaces, radiance: np.ndarray) -> np.ndarray:
+    """(H, W) bool: the texels that send any light."""
+    return senders.visible & (radiance.max(-1) > 0)
+
+
+def transport(senders: Surfaces, chosen: np.ndarray, position: np.ndarray, normal: np.ndarray,
+              form_factor: str = "disc") -> Iterator[tuple[slice, np.ndarray]]:
+    """Irradiance for a radiance of 1, pi cos F, unoccluded.
 
     Args:
-        radiance: (H, W, 3) of the senders' level.
+        chosen: Index of M senders into (H, W) arrays: a mask or rows and columns.
         position, normal: (N, 3) of the receivers, view space.
         form_factor: "disc": F = R^2 / (r^2 + R^2), "point": R^2 / r^2, with R^2 = cos' dA / pi.
 
-    Returns:
-        (N, 3) float64.
+    Yields:
+        Some of the receivers and their (n, M) float64, in steradian.
     """
-    shines = senders.visible & (radiance.max(-1) > 0)
-    q, m, area = senders.position[shines], senders.normal[shines], senders.area[shines]
-    light = radiance[shines].astype(np.float64)
+    q, m, area = senders.position[chosen], senders.normal[chosen], senders.area[chosen]
     own = (q * m).sum(-1)
     squared = (q * q).sum(-1)
-    result = np.zeros((len(position), 3))
     chunk = max(1, 4_000_000 // max(len(q), 1))
     for start in range(0, len(position), chunk):
-        p, n = position[start:start + chunk], normal[start:start + chunk]
+        part = slice(start, start + chunk)
+        p, n = position[part], normal[part]
         distance2 = np.maximum((p * p).sum(-1)[:, None] + squared - 2 * p @ q.T, 1e-18)
         inverse = 1 / np.sqrt(distance2)
         receiver_cos = np.maximum(n @ q.T - (n * p).sum(-1)[:, None], 0) * inverse
         disc = np.maximum(p @ m.T - own, 0) * inverse * area / np.pi
         factor = disc / (distance2 + disc) if form_factor == "disc" else disc / distance2
-        result[start:start + chunk] = np.pi * (receiver_cos * factor) @ light
+        yield part, np.pi * receiver_cos * factor
+
+
+def irradiance(senders: Surfaces, radiance: np.ndarray, position: np.ndarray, normal: np.ndarray,
+               form_factor: str = "disc") -> np.ndarray:
+    """Irradiance at receivers from all visible senders, E = sum of pi L cos F, unoccluded; see `transport`.
+
+    Args:
+        radiance: (H, W, 3) of the senders' level.
+
+    Returns:
+        (N, 3) float64.
+    """
+    chosen = shining(senders, radiance)
+    light = radiance[chosen].astype(np.float64)
+    result = np.zeros((len(position), 3))
+    for part, factors in transport(senders, chosen, position, normal, form_factor):
+        result[part] = factors @ light
     return result
 
 
