@@ -103,31 +103,28 @@ Lobe lobe_of(Incoming light, vec3 normal) {
 void shade(ivec2 px) {
     Lobe dark = Lobe(vec3(0.0), vec3(0.0), 0.0);
     out_gather = dark;
-#ifdef NEAR_FIELD
     out_near = dark;
-#endif
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), surface.normal);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
     vec2 direction = direction_from_turn(jitter.x);
-    Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-#ifdef NEAR_FIELD
-    int near_samples = (frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES, samples = frame.samples - near_samples;
-    float inner = frame.radius * NEAR_RADIUS;
-    Spiral spiral = start_spiral(direction, 0.0, inner, near_samples, jitter.y);
-    Incoming near = none;
-    gather_samples(receiver, near_samples, spiral, near);
-    out_near = lobe_of(near, surface.normal);
-    direction = spiral.direction;
-#else
-    int samples = frame.samples;
-    float inner = inner_radius;
-#endif
+    Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), near = none, light = none;
     // A single sample is a near one; the rest of the disc then goes without.
-    Spiral outer = start_spiral(direction, inner, frame.radius, samples, jitter.y);
-    Incoming light = none;
-    gather_samples(receiver, samples, outer, light);
+    int near_samples = near_field * ((frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
+    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+    // First what is near, where there is such a part, then the rest: one call, since compilers inline each one.
+    for (int part = 1 - near_field; part < 2; ++part) {
+        bool rest = part == 1;
+        int count = rest ? frame.samples - near_samples : near_samples;
+        Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
+        Incoming sum = none;
+        gather_samples(receiver, count, spiral, sum);
+        direction = spiral.direction;
+        if (rest) light = sum;
+        else near = sum;
+    }
+    out_near = lobe_of(near, surface.normal);
     out_gather = lobe_of(light, surface.normal);
 }

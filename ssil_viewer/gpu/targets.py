@@ -58,7 +58,7 @@ FORMATS: dict[str, Format] = {
     "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
 }
 
-Extent = Literal["image", "pyramid", "coarse", "gather", "start"]
+Extent = Literal["image", "pyramid", "coarse", "gather"]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Target:
         format: Key of `FORMATS`.
         meaning: What a texel holds, with unit and space, and what background holds.
         extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
-            gather: starting level to the last; start: the starting level.
+            gather: starting level to the last.
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
     """
@@ -84,8 +84,7 @@ class Target:
         """Levels that exist under these settings."""
         last = settings.last_level
         return {"image": range(0, 1), "pyramid": range(0, last + 1), "coarse": range(1, last + 1),
-                "gather": range(settings.start_level, last + 1),
-                "start": range(settings.start_level, settings.start_level + 1)}[self.extent]
+                "gather": range(settings.start_level, last + 1)}[self.extent]
 
 
 def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:

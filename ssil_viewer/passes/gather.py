@@ -23,8 +23,9 @@ class Gather(ScreenPass):
     shader = "passes/gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
-              "near": Target("lobe", "light from the innermost part of the disc: flux and mean direction", "start")}
-    uniforms = {"texel": "float", "inner_radius": "float"}
+              "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
+                                     "direction; black at the other levels", "gather")}
+    uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -36,7 +37,6 @@ class Gather(ScreenPass):
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
-            near = level == first
-            defines = (*chosen, ("NEAR_FIELD", "")) if near else chosen
-            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, defines,
-                           frozenset() if near else frozenset({"near"}))
+            # The near field is a uniform, not a definition: a second program would compile for longer than it saves
+            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first)},
+                           chosen)
