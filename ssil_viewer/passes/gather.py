@@ -21,7 +21,9 @@ class Gather(ScreenPass):
 
     name = "gather"
     shader = "passes/gather.glsl"
-    reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
+    reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance"),
+             "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
+             "depth_range": Read.of("depth_range", offset=None, optional=True)}
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
               "near": Target("lobe", "light from the innermost part of the disc: flux and mean direction", "start")}
     uniforms = {"texel": "float", "inner_radius": "float"}
@@ -31,7 +33,12 @@ class Gather(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = (switch("FORM_FACTOR", frame.settings.form_factor, ("disc", "point")),
-                  switch("SPACING", frame.settings.sample_spacing, ("radius", "area")))
+                  switch("SPACING", frame.settings.sample_spacing, ("radius", "area")),
+                  switch("VISIBILITY", frame.settings.visibility, ("off", "voxel")),
+                  ("SLICES", str(frame.settings.voxel_slices)))
+        unread = {"voxels", "voxels_far", "depth_range"}
+        if frame.settings.visibility == "voxel":
+            unread = {"voxels_far"} if frame.settings.voxel_slices == 128 else set()
         first = frame.settings.start_level
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
@@ -39,4 +46,4 @@ class Gather(ScreenPass):
             near = level == first
             defines = (*chosen, ("NEAR_FIELD", "")) if near else chosen
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, defines,
-                           frozenset() if near else frozenset({"near"}))
+                           frozenset(unread if near else unread | {"near"}))
