@@ -191,6 +191,8 @@ class IndirectLighting:
 def _check_settings(settings: Settings) -> None:
     if settings.bounces == 0:
         raise UserError("without a bounce there is no indirect light", "bounces", "give 1")
+    if settings.visibility == "voxel":
+        raise UserError("voxels need the scene's triangles, and a G-buffer has none", "visibility", "give off")
 
 
 def _check_texture(name: str, texture: moderngl.Texture, size: tuple[int, int], dtypes: tuple[str, ...],

@@ -44,6 +44,7 @@ class Frame:
     samples: Int
     light_count: Int
     history_frames: Int         # longest temporal mean; 0: there is no history
+    voxel_view_slice: Int       # slice that the view of one slice shows
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
         jitter=jitter, background=background, exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
         near=view.near, far=view.far, samples=settings.samples, light_count=light_count,
-        history_frames=longest if history else 0)
+        history_frames=longest if history else 0, voxel_view_slice=settings.voxel_view_slice)
 
 
 def radius_texels(settings: Settings, size: tuple[int, int]) -> float:

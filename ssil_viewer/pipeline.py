@@ -45,6 +45,21 @@ class SceneFrame(Frame):
         self.drawer.draw_depth(clip_from_world)
         self.runner.unbind()
 
+    def draw_voxels(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
+                    solid: bool) -> None:
+        """Rasterize the scene's voxels into the bound framebuffer; arguments as of `SceneDrawer.draw_solids`.
+
+        Args:
+            solid: Fill the inside of solid bodies; otherwise surfaces alone.
+        """
+        depth_range = self.runner.targets.texture("depth_range")
+        if solid:
+            with self.runner.gl.logic_operation("xor"):
+                self.drawer.draw_solids(writes, slices, covered, depth_range)
+        with self.runner.gl.logic_operation("or"):
+            self.drawer.draw_open(writes, slices, covered, depth_range, solids=not solid)
+        self.runner.unbind()
+
 
 class Renderer:
     """Renders scenes on one context. Knows nothing of windows or files.
@@ -207,10 +222,14 @@ class Renderer:
     @property
     def warnings(self) -> list[str]:
         """What the renderer had to leave out of this scene."""
-        names = self._light_table.unshadowed
-        if not names:
-            return []
-        return [f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}"]
+        found = []
+        if names := self._light_table.unshadowed:
+            found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
+        if self._gpu_scene is not None and self._gpu_scene.solids is not None:
+            if names := self._gpu_scene.solids.open_meshes:
+                found.append(f"{len(names)} meshes are not closed, only their surfaces block indirect light: "
+                             f"{', '.join(names[:5])}")
+        return found
 
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
@@ -244,11 +263,21 @@ class Renderer:
         if info is None or level not in info.levels:
             return  # a setting took it away; the picture shows instead
         buffer = BUFFERS[name]
+        reads, defines, inputs = self._source(buffer, level)
+        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),), (("texel", "float"),),
+                          (*defines, ("VIEW", str(buffer.view))))
+        self._runner.shade(variant, self._runner.targets, inputs, {"display": self.display},
+                           {"texel": float(2**level)})
+
+    def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
+        """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
         target = buffer.pick(self._runner.running_targets())
-        variant = Variant("debug/view.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("display", "rgba8"),), (("texel", "float"),), (("VIEW", str(buffer.view)),))
-        self._runner.shade(variant, self._runner.targets, {"source": self._runner.targets.texture(target, level)},
-                           {"display": self.display}, {"texel": float(2**level)})
+        form = self._runner.declared[target].format
+        reads, inputs = [("source", form)], {"source": self._runner.targets.texture(target, level)}
+        if buffer.more and self._runner.targets.has(buffer.more, level):
+            reads.append(("more", self._runner.declared[buffer.more].format))
+            inputs["more"] = self._runner.targets.texture(buffer.more, level)
+        return tuple(reads), ((form.upper(), ""),), inputs
 
     def read(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer after `render`.
@@ -261,19 +290,29 @@ class Renderer:
         """
         find_buffer(self.buffers(), name, level)
         buffer = BUFFERS[name]
-        target = buffer.pick(self._runner.running_targets())
-        source = self._runner.targets.texture(target, level)
-        variant = Variant("debug/decode.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("decoded", "rgba32f"),))
+        reads, defines, inputs = self._source(buffer, level)
+        source = inputs["source"]
+        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (), defines)
         scratch = TargetSet(self.context, source.size, self.settings, {"decoded": Target("rgba32f", "")})
         try:
             self._runner.unbind()
-            self._runner.shade(variant, scratch, {"source": source}, {"decoded": scratch.texture("decoded")}, {})
+            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {})
             data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
         finally:
             scratch.release()
         width, height = source.size
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+
+    def read_stored(self, target: str, level: int = 0) -> np.ndarray:
+        """Texels of a render target as they are stored, (H, W, C), row 0 = top.
+
+        Raises:
+            KeyError: No such target, or not at this level.
+        """
+        texture = self._runner.targets.texture(target, level)
+        dtype = {"f1": "u1", "f2": "f2", "f4": "f4", "u1": "u1", "u4": "u4"}[texture.dtype]
+        data = np.frombuffer(texture.read(alignment=1), dtype)
+        return np.ascontiguousarray(data.reshape(texture.height, texture.width, texture.components)[::-1])
 
     def release(self) -> None:
         """Free all GPU memory."""

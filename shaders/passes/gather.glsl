@@ -1,7 +1,13 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
-// SPACING: 0 even in radius, 1 even in area.
+// SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel.
 #include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
+#if VISIBILITY == 1
+#include "lib/voxels.glsl"
+#ifndef HAS_VOXELS_FAR
+#define texture_voxels_far texture_voxels
+#endif
+#endif
 
 const float PI = 3.141592653589793;
 
@@ -52,6 +58,10 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
     vec2 scale = frame.ray_scale * texel;
     vec2 center = vec2(receiver.px) + 0.5;
     float texel_area = scale.x * scale.y / PI;
+#if VISIBILITY == 1
+    Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
+    VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
+#endif
     for (int i = 0; i < count; ++i) {
 #if SPACING == 0
         float radius = spiral.at;
@@ -87,6 +97,11 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         float factor = texels * disc / (distance_squared + texels * disc);
 #endif
         vec3 radiance = load_radiance(at) * factor;
+#if VISIBILITY == 1
+        if (radiance == vec3(0.0)) continue;
+        VoxelEnd there = voxel_end(slicing, at, q, sender.normal, scale);
+        if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
+#endif
         float receiver_cos = dot(receiver.normal, v) * inverse_distance;
         light.irradiance += radiance * max(receiver_cos, 0.0);
         light.back_irradiance += radiance * max(-receiver_cos, 0.0);
