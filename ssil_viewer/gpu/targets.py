@@ -60,9 +60,6 @@ FORMATS: dict[str, Format] = {
     "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
 }
 
-<<<<<<< HEAD
-Extent = Literal["image", "pyramid", "coarse", "gather"]
-=======
 Extent = Literal["image", "pyramid", "coarse", "gather", "start", "reduction"]
 
 REDUCTION_STEP = 8      # texels per side that one texel of a reduction's next level sums up
@@ -71,7 +68,6 @@ REDUCTION_LEVELS = 5    # so that level 0 is one texel for images of up to 8^5 p
 
 def _always(settings: Settings) -> bool:
     return True
->>>>>>> eb91a26
 
 
 @dataclass(frozen=True)
@@ -82,13 +78,9 @@ class Target:
         format: Key of `FORMATS`.
         meaning: What a texel holds, with unit and space, and what background holds.
         extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
-<<<<<<< HEAD
-            gather: starting level to the last.
-=======
             gather: starting level to the last; start: the starting level. reduction: no part of the pyramid; level 0
             is a single texel, each further one is eight times as wide and high, and the last an eighth of the image.
         exists: Whether it is allocated under given settings.
->>>>>>> eb91a26
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
     """
@@ -106,9 +98,6 @@ class Target:
             return range(0)
         last = settings.last_level
         return {"image": range(0, 1), "pyramid": range(0, last + 1), "coarse": range(1, last + 1),
-<<<<<<< HEAD
-                "gather": range(settings.start_level, last + 1)}[self.extent]
-=======
                 "gather": range(settings.start_level, last + 1),
                 "start": range(settings.start_level, settings.start_level + 1),
                 "reduction": range(REDUCTION_LEVELS)}[self.extent]
@@ -119,7 +108,6 @@ class Target:
             divisor = REDUCTION_STEP ** (REDUCTION_LEVELS - level)
             return -(-size[0] // divisor), -(-size[1] // divisor)
         return level_size(size, level)
->>>>>>> eb91a26
 
 
 def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
