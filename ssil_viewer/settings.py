@@ -127,9 +127,13 @@ class Settings:
     sample_spacing: Annotated[Literal["radius", "area"], Knob(
         "radius: samples evenly spaced in radius, most of them near the receiver. area: evenly in area as in the "
         "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
-    visibility: Annotated[Literal["off", "voxel"], Knob(
+    visibility: Annotated[Literal["off", "voxel", "horizon"], Knob(
         "Whether geometry between sender and receiver blocks light. voxel: a grid of the view frustum is walked for "
-        "every sample, as in the talk; the gather then takes many times as long.", affects="resources")] = "off"
+        "every sample, as in the talk; the gather then takes many times as long. horizon: samples lie in rows that "
+        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "off"
+    thickness: Annotated[float, Knob(
+        "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
+        "blocks.", 0.0, 1.0, group="Visibility")] = 0.1
     voxel_fill: Annotated[Literal["solid", "surface"], Knob(
         "solid: the inside of closed bodies blocks light, and the surface of what is open. surface: surfaces alone; "
         "thin walls block more surely, slanted ones shadow themselves more easily.", group="Visibility")] = "solid"
