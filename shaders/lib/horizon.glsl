@@ -38,6 +38,8 @@ uint sector(float low, float high) {
 }
 
 // Whether what is seen at an elevation hides behind the blocked ones. Below the surface nothing is known to block.
+// A surface that faces the camera and the receiver is met from its far end on, each sample a little nearer to the camera
+// than the one before: half a bit less is asked for, so that rounding does not make it hide itself.
 bool sees_blocked(uint blocked, float at) {
-    return at < 1.0 && ((blocked >> uint(clamp(at, 0.0, 0.999) * 32.0)) & 1u) != 0u;
+    return at < 1.0 && ((blocked >> uint(max(at * 32.0 - 0.5, 0.0))) & 1u) != 0u;
 }
