@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Iterable, Iterator, Literal, Sequence
@@ -213,6 +214,25 @@ class PassRunner:
                     p.execute(frame)
         self._previous = view
         self.frame_index += 1
+
+    def compile_ahead(self, stop: threading.Event, tables: dict[str, moderngl.Texture]) -> None:
+        """Draw once with the program of every screen pass, which compiles it; the results mean nothing.
+
+        The last pass comes first: who renders the frame meanwhile begins with the first one, and so the two do not
+        compile the same program again and again, side by side.
+
+        Args:
+            stop: Ends it after the program at hand.
+            tables: As of `Frame`.
+        """
+        frame = Frame(self, self.settings, self.radius, tables)
+        with self.frame():
+            for p in reversed(self.passes):
+                if isinstance(p, ScreenPass) and p.enabled(self.settings):
+                    for dispatch in p.dispatches(frame):
+                        if stop.is_set():
+                            return
+                        frame.dispatch(p, dispatch)
 
     @property
     def radius(self) -> float:

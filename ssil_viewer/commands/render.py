@@ -26,6 +26,8 @@ FORMATS = (".png", ".exr", ".npz")
 TEMPORAL_FRAMES = 16
 # A buffer that is read back: as four floats by OpenGL, again as bytes, and as the array.
 _READ_BACK_BYTES = 48
+# Optional targets that the files take from.
+_KEEP = ("final",)
 # Buffers that an EXR holds beside the image, where they exist.
 _EXR_LAYERS = ("direct", "indirect", "radiance", "albedo", "normal", "view_depth")
 
@@ -56,23 +58,25 @@ def run(args: argparse.Namespace) -> None:
     target = output.check_target(args.output, FORMATS)
     view = _parse_view(args.view) if args.view is not None else None
     settings = shared.settings_of(args)
-    scene = shared.load(args.scene)
-    camera = shared.camera_of(args, scene)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
+    from ssil_viewer.compile_ahead import compiling_ahead
     from ssil_viewer.gpu.context import create_headless_context
     from ssil_viewer.pipeline import Renderer
 
     context = create_headless_context()
     try:
-        renderer = Renderer(context, args.size, settings, keep=("final",))
+        renderer = Renderer(context, args.size, settings, keep=_KEEP)
         try:
             _check_memory(renderer)
             view = _check_view(view, renderer) if view else None
-            renderer.set_scene(scene)
             if view and target.suffix.lower() == ".png":
                 renderer.show_buffer(*view)
-            _render_frames(renderer, camera, frames)
+            with compiling_ahead(renderer.capabilities, args.size, settings, keep=_KEEP):
+                scene = shared.load(args.scene)
+                camera = shared.camera_of(args, scene)
+                renderer.set_scene(scene)
+                _render_frames(renderer, camera, frames)
             shared.warn(renderer.warnings)
             _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
             print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")

@@ -10,7 +10,8 @@ import moderngl
 import numpy as np
 
 _TEXTURE_2D_ARRAY = 0x8C1A
-_RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+_RGBA, _UNSIGNED_BYTE, _UNSIGNED_INT = 0x1908, 0x1401, 0x1405
+_TRIANGLES = 0x0004
 _RGBA8, _SRGB8_ALPHA8 = 0x8058, 0x8C43
 _TEXTURE_2D, _TEXTURE0, _ACTIVE_TEXTURE = 0x0DE1, 0x84C0, 0x84E0
 _TEXTURE_BINDING_2D, _SAMPLER_BINDING = 0x8069, 0x8919
@@ -107,6 +108,28 @@ class GLFunctions:
             operate(_COPY)
             self._context.disable_direct(_COLOR_LOGIC_OP)
 
+    # What software OpenGL does at length, moderngl would do while it holds Python's lock, and other threads would wait.
+
+    def run_compute(self, program: moderngl.ComputeShader, groups: tuple[int, int]) -> None:
+        """Run a compute shader, without holding Python's lock: Mesa compiles in here.
+
+        Args:
+            groups: Number of work groups in x and y.
+        """
+        self._function("glUseProgram", ctypes.c_uint)(program.glo)
+        self._function("glDispatchCompute", *(ctypes.c_uint,) * 3)(*groups, 1)
+
+    def draw_triangles(self, array: moderngl.VertexArray, count: int, first: int) -> None:
+        """Draw a range of an array's 32-bit indices, without holding Python's lock: Mesa compiles in here.
+
+        Args:
+            count, first: In indices.
+        """
+        self._function("glUseProgram", ctypes.c_uint)(array.program.glo)
+        self._function("glBindVertexArray", ctypes.c_uint)(array.glo)
+        draw = self._function("glDrawElements", ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_void_p)
+        draw(_TRIANGLES, count, _UNSIGNED_INT, 4 * first)
+
     def texture_array(self, layers: list[np.ndarray], srgb: bool) -> moderngl.TextureArray:
         """An array texture of 8-bit RGBA images with mipmaps.
 
@@ -128,6 +151,6 @@ class GLFunctions:
             pixels = np.ascontiguousarray(layer)
             upload(_TEXTURE_2D_ARRAY, 0, 0, 0, at, width, height, 1, _RGBA, _UNSIGNED_BYTE,
                    pixels.ctypes.data_as(ctypes.c_void_p))
-        texture.build_mipmaps()
+        self._function("glGenerateMipmap", ctypes.c_uint)(_TEXTURE_2D_ARRAY)    # without holding Python's lock
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
+from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError, compile_program, expand
 from ssil_viewer.gpu.scene_buffers import DEPTH_FORMAT, FULL_FORMAT, MASKED_DEPTH_FORMAT, SLOTS, DrawGroup, GpuScene
 from ssil_viewer.gpu.screen_program import declare_fragment_writes
@@ -22,6 +23,7 @@ class SceneDrawer:
 
     def __init__(self, context: moderngl.Context, block: type) -> None:
         self._context = context
+        self._gl = GLFunctions(context)
         self._block = block
         self._programs: dict[tuple, moderngl.Program] = {}
         self._arrays: dict[tuple, moderngl.VertexArray] = {}
@@ -62,7 +64,7 @@ class SceneDrawer:
             if group.cull != culling:
                 (self._context.enable if group.cull else self._context.disable)(moderngl.CULL_FACE)
                 culling = group.cull
-            array.render(moderngl.TRIANGLES, group.count, group.first)
+            self._gl.draw_triangles(array, group.count, group.first)
 
     def draw_depth(self, clip_from_world: bytes) -> None:
         """Depth of every triangle from another view.
@@ -83,7 +85,7 @@ class SceneDrawer:
     def _render_depth(self, defines: tuple[str, ...], layout: tuple, first: int, count: int, clip: bytes) -> None:
         array = self._array("shadow", defines, (), layout)
         array.program["clip_from_world"].write(clip)
-        array.render(moderngl.TRIANGLES, count, first)
+        self._gl.draw_triangles(array, count, first)
 
     def draw_solids(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
                     depth_range: moderngl.Texture) -> None:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import moderngl
 
+from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import Source, compile_compute, compile_program, expand
 from ssil_viewer.gpu.targets import FORMATS, TargetSet
 from ssil_viewer.gpu.uniforms import glsl_block
@@ -107,6 +108,7 @@ class ScreenProgram:
 
     def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type) -> None:
         self._context = context
+        self._gl = GLFunctions(context)
         self._compute = stage == "compute"
         source = _source(variant, stage, block)
         self._vertex_array = None
@@ -151,7 +153,7 @@ class ScreenProgram:
         if self._compute:
             for at, name in enumerate(self._writes):
                 outputs[name].bind_to_image(at, read=False, write=True)
-            self._program.run(-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE))
+            self._gl.run_compute(self._program, (-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE)))
             self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
                                          | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
                                          | moderngl.FRAMEBUFFER_BARRIER_BIT)

@@ -17,7 +17,7 @@ LAYERS = (
     ("frame_uniforms",),
     ("passes",),
     ("pass_runner",),
-    ("pipeline",),
+    ("pipeline", "compile_ahead"),
     ("headless", "embed"),
     ("app", "measure"),
     ("commands",),

@@ -1,0 +1,101 @@
+"""Programs compiled in a second thread: the ones that a frame needs, found by the context that renders it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssil_viewer import compile_ahead
+from ssil_viewer.gpu.context import read_capabilities
+from ssil_viewer.headless import read_all
+from ssil_viewer.scene.framing import default_camera
+from ssil_viewer.settings import Settings
+from tests import scenes
+
+# Draws with every program of the frame; run with arguments WIDTH HEIGHT in a process that ends, since only then
+# everything is in the cache on disk.
+_DRAW_ALL = """
+import sys, threading
+from ssil_viewer.gpu.context import create_headless_context
+from ssil_viewer.gpu.light_table import LightTable
+from ssil_viewer.pass_runner import PassRunner
+from ssil_viewer.passes import FRAME
+from ssil_viewer.settings import Settings
+
+context = create_headless_context()
+runner = PassRunner(context, FRAME, (int(sys.argv[1]), int(sys.argv[2])), Settings(), keep=("final",), timed=False)
+runner.compile_ahead(threading.Event(), LightTable(context).textures)
+context.finish()
+"""
+
+
+def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path) -> int:
+    environment = os.environ | {"MESA_SHADER_CACHE_DIR": str(cache), "MESA_SHADER_CACHE_DISABLE": "false"}
+    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size)], check=True, env=environment, timeout=120)
+    return sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
+
+
+def _needs_llvmpipe(context) -> None:
+    capabilities = read_capabilities(context)
+    if "llvmpipe" not in capabilities.renderer or not capabilities.compute:
+        pytest.skip("only llvmpipe's compute shaders are compiled ahead")
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (512, 512), (601, 1024)])
+def test_the_small_size_needs_the_programs_of_the_large_one(size, context, tmp_path):
+    _needs_llvmpipe(context)
+    small = _bytes_in_cache_after_drawing(compile_ahead.same_programs_size(size), tmp_path)
+    assert small > 100_000
+    assert _bytes_in_cache_after_drawing(size, tmp_path) == small
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1, 1), (1, 4096), (3, 8192), (255, 255), (256, 256)])
+def test_small_sizes_are_small_and_never_empty(size):
+    width, height = compile_ahead.same_programs_size(size)
+    assert 1 <= width <= size[0] and 1 <= height <= size[1]
+    assert width * height <= 256 * 256
+
+
+def test_the_picture_does_not_depend_on_it(context, make_renderer):
+    _needs_llvmpipe(context)
+    scene = scenes.cornell()
+    alone = make_renderer(scene, (65, 37))
+    alone.render(default_camera(scene))
+    expected = read_all(alone)
+    both = make_renderer(scene, (65, 37))
+    with compile_ahead.compiling_ahead(both.capabilities, both.size, both.settings, keep=("final",)):
+        both.render(default_camera(scene))
+    for name, values in read_all(both).items():
+        assert np.array_equal(values, expected[name]), name
+
+
+def test_failures_are_left_to_the_renderer(context, monkeypatch):
+    _needs_llvmpipe(context)
+    asked = []
+
+    def no_context():
+        asked.append(threading.current_thread().name)
+        raise RuntimeError("no second context")
+
+    monkeypatch.setattr(compile_ahead, "create_headless_context", no_context)
+    with compile_ahead.compiling_ahead(read_capabilities(context), (64, 64), Settings()):
+        pass
+    assert asked == ["compile-ahead"]
+    assert "compile-ahead" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_drivers_that_compile_by_themselves_are_left_alone(context, monkeypatch):
+    asked = []
+    monkeypatch.setattr(compile_ahead, "create_headless_context", lambda: asked.append("a second context"))
+    capabilities = read_capabilities(context)
+    for other in (replace(capabilities, renderer="A GPU", software=False), replace(capabilities, compute=False)):
+        with compile_ahead.compiling_ahead(other, (64, 64), Settings()):
+            pass
+    assert not asked
