@@ -18,7 +18,7 @@ from ssil_viewer.gpu.present import Presenter
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.screen_program import Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
@@ -151,7 +151,7 @@ class Renderer:
         if self.scene is None:
             raise FrameError("render needs a scene: call set_scene first")
         gpu_scene, lights = self._gpu_scene, self._light_table
-        view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds)
+        view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds, self._runner.band)
         with self._runner.frame():
             moved = gpu_scene.upload_transforms()
             stale = self._lights_moved or moved
@@ -246,15 +246,20 @@ class Renderer:
         buffer = BUFFERS[name]
         target = buffer.pick(self._runner.running_targets())
         variant = Variant("debug/view.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("display", "rgba8"),), (("texel", "float"),), (("VIEW", str(buffer.view)),))
+                          (("display", "rgba8"),), (("texel", "float"), ("first", "ivec2")),
+                          (("VIEW", str(buffer.view)),))
         self._runner.shade(variant, self._runner.targets, {"source": self._runner.targets.texture(target, level)},
-                           {"display": self.display}, {"texel": float(2**level)})
+                           {"display": self.display}, {"texel": float(2**level), "first": self._begin(target)})
+
+    def _begin(self, target: str) -> tuple[int, int]:
+        """The pixel of a target where the image begins: after the guard band, if it has that."""
+        return (0, 0) if self._runner.declared[target].cropped else self._runner.band
 
     def read(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer after `render`.
 
         Returns:
-            float32, (H, W, C) or (H, W), row 0 = top, decoded.
+            float32, (H, W, C) or (H, W), row 0 = top, decoded; ceil(size / 2^level), without the guard band.
 
         Raises:
             UserError: There is no such buffer or level; the nearest name is suggested.
@@ -263,16 +268,18 @@ class Renderer:
         buffer = BUFFERS[name]
         target = buffer.pick(self._runner.running_targets())
         source = self._runner.targets.texture(target, level)
+        width, height = size = level_size(self.size, level)
+        first = tuple(at >> level for at in self._begin(target))
         variant = Variant("debug/decode.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("decoded", "rgba32f"),))
-        scratch = TargetSet(self.context, source.size, self.settings, {"decoded": Target("rgba32f", "")})
+                          (("decoded", "rgba32f"),), (("first", "ivec2"),))
+        scratch = TargetSet(self.context, size, self.settings, {"decoded": Target("rgba32f", "", cropped=True)})
         try:
             self._runner.unbind()
-            self._runner.shade(variant, scratch, {"source": source}, {"decoded": scratch.texture("decoded")}, {})
+            self._runner.shade(variant, scratch, {"source": source}, {"decoded": scratch.texture("decoded")},
+                               {"first": first})
             data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
         finally:
             scratch.release()
-        width, height = source.size
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
 
     def release(self) -> None:

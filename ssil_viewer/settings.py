@@ -125,6 +125,11 @@ class Settings:
         "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
     visibility: Annotated[Literal["off"], Knob(
         "Whether geometry between sender and receiver blocks light.")] = "off"
+    guard_band: Annotated[int, Knob(
+        "Border that is rendered around the image and cut off at the end, so that light from just outside does not pop "
+        "in at the edge; at each side, a share of the image's width and height, rounded up to whole texels of the "
+        "coarsest level. Costs what so many more pixels cost.",
+        0, 25, "%", affects="resources")] = 0
     bounces: Annotated[int, Knob(
         "Indirect bounces; 0 shows direct light only and skips the indirect passes.", 0, 1)] = 1
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(

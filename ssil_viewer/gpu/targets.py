@@ -72,6 +72,7 @@ class Target:
             gather: starting level to the last; start: the starting level.
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
+        cropped: It has the image's size, without the guard band.
     """
 
     format: str
@@ -79,6 +80,7 @@ class Target:
     extent: Extent = "image"
     history: bool = False
     optional: bool = False
+    cropped: bool = False
 
     def levels(self, settings: Settings) -> range:
         """Levels that exist under these settings."""
@@ -93,12 +95,33 @@ def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
     return -(-size[0] // 2**level), -(-size[1] // 2**level)
 
 
+def guard_band(size: tuple[int, int], settings: Settings) -> tuple[int, int]:
+    """Pixels that are rendered beyond the image at its left and right, and at its top and bottom.
+
+    Whole texels of the coarsest level, so that the image begins with a texel of its own at every level.
+    """
+    texel = 2**settings.last_level
+    return tuple(-(-side * settings.guard_band // (100 * texel)) * texel for side in size)
+
+
+def rendered_size(size: tuple[int, int], settings: Settings) -> tuple[int, int]:
+    """Size of the image with its guard band."""
+    band = guard_band(size, settings)
+    return size[0] + 2 * band[0], size[1] + 2 * band[1]
+
+
 def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, Target], depth: bool = False
                  ) -> dict[str, int]:
-    """Bytes of each target, all levels and histories together, and of the depth buffer if there is one."""
-    total = {"depth_buffer": _DEPTH_BYTES * size[0] * size[1]} if depth else {}
+    """Bytes of each target, all levels and histories together, and of the depth buffer if there is one.
+
+    Args:
+        size: Of the image; targets have its guard band, too.
+    """
+    rendered = rendered_size(size, settings)
+    total = {"depth_buffer": _DEPTH_BYTES * rendered[0] * rendered[1]} if depth else {}
     for name, target in targets.items():
-        sizes = [level_size(size, level) for level in (*target.levels(settings), *([0] if target.history else []))]
+        whole = size if target.cropped else rendered
+        sizes = [level_size(whole, level) for level in (*target.levels(settings), *([0] if target.history else []))]
         total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
     return total
 
@@ -107,6 +130,7 @@ class TargetSet:
     """All allocated targets of one image size and one set of settings.
 
     Args:
+        size: Of the image; targets have its guard band, too.
         depth: A depth buffer is needed, too.
 
     Raises:
@@ -117,6 +141,7 @@ class TargetSet:
                  targets: dict[str, Target], depth: bool = False) -> None:
         self._context = context
         self.size = size
+        self._rendered = rendered_size(size, settings)
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._current: dict[tuple[str, int], moderngl.Texture] = {}
         self._previous: dict[str, moderngl.Texture] = {}
@@ -129,7 +154,7 @@ class TargetSet:
                     self._previous[name] = self._create(target, 0)
             if depth:
                 with self._allocating():
-                    self._depth_buffer = context.depth_texture(size)
+                    self._depth_buffer = context.depth_texture(self._rendered)
         except UserError:
             self.release()
             raise
@@ -139,8 +164,9 @@ class TargetSet:
 
     def _create(self, target: Target, level: int) -> moderngl.Texture:
         form = FORMATS[target.format]
+        size = level_size(self.size if target.cropped else self._rendered, level)
         with self._allocating():     # each on its own: the first failure ends it
-            texture = self._context.texture(level_size(self.size, level), form.components, dtype=form.dtype)
+            texture = self._context.texture(size, form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
         return texture
