@@ -35,12 +35,14 @@ class Buffer:
         channels: Channels of the decoded texel; one index gives (H, W), several (H, W, C).
         view: How debug/view.glsl shows it.
         meaning: Replaces the target's own when it holds only a part of it.
+        more: Second target, read together with the first where it is allocated.
     """
 
     targets: tuple[str, ...]
     channels: tuple[int, ...] = (0, 1, 2)
     view: int = LIGHT
     meaning: str = ""
+    more: str = ""
 
     def pick(self, running: set[str]) -> str | None:
         """The target that holds it, given those that are written."""
@@ -65,6 +67,9 @@ BUFFERS: dict[str, Buffer] = {
     "roughness": Buffer(("specular",), (3,), ALPHA, "perceptual roughness, 0 to 1"),
     "occlusion": Buffer(("albedo",), (3,), ALPHA, "the material's own occlusion map, 1 = open"),
     "motion": Buffer(("motion",), (0, 1), MOTION, "displacement since the last frame, image widths and heights, +y up"),
+    "voxels": Buffer(("voxels",), (0,), REFLECTANCE, "share of the depth slices that are occupied", "voxels_far"),
+    "voxel_slice": Buffer(("voxels",), (3,), ALPHA, "1 where the depth slice voxel_view_slice is occupied",
+                          "voxels_far"),
     "winner": Buffer(("winner",), (0,), INDEX, "which of its four finer texels a texel kept, x + 2 y, plus "
                      "4 * the share of its footprint in 63rds"),
     "gather": Buffer(("gather",)),

@@ -193,6 +193,8 @@ def _own_settings(settings: Settings) -> Settings:
     """What of a host's settings is in force. Raises UserError where nothing would be left to do."""
     if settings.bounces == 0:
         raise UserError("without a bounce there is no indirect light", "bounces", "give 1")
+    if settings.visibility == "voxel":
+        raise UserError("voxels need the scene's triangles, and a G-buffer has none", "visibility", "give off")
     return replace(settings, guard_band=0)
 
 

@@ -43,9 +43,11 @@ class Frame:
     radius: Float               # of disc and rings, in texels of each level
     near: Float
     far: Float
+    thickness: Float            # of visible surfaces, relative to their view depth
     samples: Int
     light_count: Int
     history_frames: Int         # longest temporal mean; 0: there is no history
+    voxel_view_slice: Int       # slice that the view of one slice shows
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,8 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
         extent=(rendered[0] / size[0], rendered[1] / size[1]), jitter=jitter, background=background,
         exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
-        near=view.near, far=view.far, samples=settings.samples, light_count=light_count,
-        history_frames=longest if history else 0)
+        near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
+        history_frames=longest if history else 0, voxel_view_slice=settings.voxel_view_slice)
 
 
 def radius_texels(settings: Settings, size: tuple[int, int]) -> float:

@@ -82,18 +82,22 @@ class Frame:
         """Run a screen pass's shader once."""
         self.runner.dispatch(screen_pass, dispatch, self.tables)
 
-    def has_target(self, name: str) -> bool:
-        """Whether an optional target is allocated."""
-        return self.runner.targets.has(name)
+    def has_target(self, name: str, level: int = 0) -> bool:
+        """Whether a target is allocated under these settings."""
+        return self.runner.targets.has(name, level)
 
-    def framebuffer(self, owner: Pass, depth: bool) -> moderngl.Framebuffer:
-        """Framebuffer with the level-0 targets of a pass in their order, for rasterizing passes."""
+    def attachments(self, owner: Pass, level: int = 0) -> tuple[tuple[str, str], ...]:
+        """(name, format) of the targets of a pass that exist at a level, in their order."""
+        return tuple((name, target.format) for name, target in owner.writes.items() if self.has_target(name, level))
+
+    def framebuffer(self, owner: Pass, depth: bool, level: int = 0) -> moderngl.Framebuffer:
+        """Framebuffer with the pass's `attachments`, for rasterizing passes."""
         targets = self.runner.targets
-        return targets.framebuffer((targets.texture(name) for name in owner.writes), depth)
+        return targets.framebuffer((targets.texture(name, level) for name, _ in self.attachments(owner, level)), depth)
 
-    def clear(self, owner: Pass, depth: bool) -> None:
+    def clear(self, owner: Pass, depth: bool, level: int = 0) -> None:
         """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
-        formats = (FORMATS[target.format] for target in owner.writes.values())
+        formats = (FORMATS[form] for _, form in self.attachments(owner, level))
         self.runner.gl.clear([form.dtype.startswith("u") for form in formats], depth)
 
 

@@ -8,7 +8,7 @@ from typing import Iterable, Literal, Sequence
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS, BufferInfo, find_buffer
+from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.gpu.context import Capabilities
@@ -43,6 +43,21 @@ class SceneFrame(Frame):
     def draw_depth(self, clip_from_world: bytes) -> None:
         """Rasterize the scene's depth from another view into the bound framebuffer."""
         self.drawer.draw_depth(clip_from_world)
+        self.runner.unbind()
+
+    def draw_voxels(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
+                    solid: bool) -> None:
+        """Rasterize the scene's voxels into the bound framebuffer; arguments as of `SceneDrawer.draw_solids`.
+
+        Args:
+            solid: Fill the inside of solid bodies; otherwise surfaces alone.
+        """
+        depth_range = self.runner.targets.texture("depth_range")
+        if solid:
+            with self.runner.gl.logic_operation("xor"):
+                self.drawer.draw_solids(writes, slices, covered, depth_range)
+        with self.runner.gl.logic_operation("or"):
+            self.drawer.draw_open(writes, slices, covered, depth_range, solids=not solid)
         self.runner.unbind()
 
 
@@ -207,10 +222,14 @@ class Renderer:
     @property
     def warnings(self) -> list[str]:
         """What the renderer had to leave out of this scene."""
-        names = self._light_table.unshadowed
-        if not names:
-            return []
-        return [f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}"]
+        found = []
+        if names := self._light_table.unshadowed:
+            found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
+        if self._gpu_scene is not None and self._gpu_scene.solids is not None:
+            if names := self._gpu_scene.solids.open_meshes:
+                found.append(f"{len(names)} meshes are not closed, only their surfaces block indirect light: "
+                             f"{', '.join(names[:5])}")
+        return found
 
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
@@ -244,15 +263,25 @@ class Renderer:
         if info is None or level not in info.levels:
             return  # a setting took it away; the picture shows instead
         buffer = BUFFERS[name]
-        target = buffer.pick(self._runner.running_targets())
-        variant = Variant("debug/view.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("display", "rgba8"),), (("texel", "float"), ("first", "ivec2")),
-                          (("VIEW", str(buffer.view)),))
-        self._runner.shade(variant, self._runner.targets, {"source": self._runner.targets.texture(target, level)},
-                           {"display": self.display}, {"texel": float(2**level), "first": self._begin(target)})
+        reads, defines, inputs = self._source(buffer, level)
+        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),),
+                          (("texel", "float"), ("first", "ivec2")), (*defines, ("VIEW", str(buffer.view))))
+        self._runner.shade(variant, self._runner.targets, inputs, {"display": self.display},
+                           {"texel": float(2**level), "first": self._begin(buffer)})
 
-    def _begin(self, target: str) -> tuple[int, int]:
-        """The pixel of a target where the image begins: after the guard band, if it has that."""
+    def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
+        """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
+        target = buffer.pick(self._runner.running_targets())
+        form = self._runner.declared[target].format
+        reads, inputs = [("source", form)], {"source": self._runner.targets.texture(target, level)}
+        if buffer.more and self._runner.targets.has(buffer.more, level):
+            reads.append(("more", self._runner.declared[buffer.more].format))
+            inputs["more"] = self._runner.targets.texture(buffer.more, level)
+        return tuple(reads), ((form.upper(), ""),), inputs
+
+    def _begin(self, buffer: Buffer) -> tuple[int, int]:
+        """The pixel of the buffer's target where the image begins: after the guard band, if it has that."""
+        target = buffer.pick(self._runner.running_targets())
         return (0, 0) if self._runner.declared[target].cropped else self._runner.band
 
     def read(self, name: str, level: int = 0) -> np.ndarray:
@@ -266,21 +295,29 @@ class Renderer:
         """
         find_buffer(self.buffers(), name, level)
         buffer = BUFFERS[name]
-        target = buffer.pick(self._runner.running_targets())
-        source = self._runner.targets.texture(target, level)
+        reads, defines, inputs = self._source(buffer, level)
         width, height = size = level_size(self.size, level)
-        first = tuple(at >> level for at in self._begin(target))
-        variant = Variant("debug/decode.glsl", (("source", self._runner.declared[target].format),), (),
-                          (("decoded", "rgba32f"),), (("first", "ivec2"),))
+        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (("first", "ivec2"),), defines)
         scratch = TargetSet(self.context, size, self.settings, {"decoded": Target("rgba32f", "", cropped=True)})
+        first = tuple(at >> level for at in self._begin(buffer))
         try:
             self._runner.unbind()
-            self._runner.shade(variant, scratch, {"source": source}, {"decoded": scratch.texture("decoded")},
-                               {"first": first})
+            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {"first": first})
             data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
         finally:
             scratch.release()
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+
+    def read_stored(self, target: str, level: int = 0) -> np.ndarray:
+        """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.
+
+        Raises:
+            KeyError: No such target, or not at this level.
+        """
+        texture = self._runner.targets.texture(target, level)
+        dtype = {"f1": "u1", "f2": "f2", "f4": "f4", "u1": "u1", "u4": "u4"}[texture.dtype]
+        data = np.frombuffer(texture.read(alignment=1), dtype)
+        return np.ascontiguousarray(data.reshape(texture.height, texture.width, texture.components)[::-1])
 
     def release(self) -> None:
         """Free all GPU memory."""

@@ -28,6 +28,7 @@ class Knob:
     Attributes:
         help: One or two sentences: the effect, then what it costs.
         low, high: Inclusive range of numbers; None where the type has none.
+        step: Whole numbers go up from `low` by this.
         unit: Physical or image unit, empty for plain numbers.
         log: Whether a slider should be logarithmic.
         affects: What a change invalidates: "display" nothing, "history" the temporal history,
@@ -40,6 +41,7 @@ class Knob:
     low: float | None = None
     high: float | None = None
     unit: str = ""
+    step: int = 1
     log: bool = False
     affects: Affects = "history"
     group: str = "Gather"
@@ -89,6 +91,8 @@ class KnobInfo:
             raise self._misfit(value, "a whole number")
         if not self.knob.low <= value <= self.knob.high:
             raise self._misfit(value, f"a value from {self.knob.low:g} to {self.knob.high:g}")
+        if self.type is int and (value - self.knob.low) % self.knob.step:
+            raise self._misfit(value, f"a multiple of {self.knob.step}")
         return self.type(value)
 
     def _misfit(self, value: Any, wanted: str) -> UserError:
@@ -123,8 +127,22 @@ class Settings:
     sample_spacing: Annotated[Literal["radius", "area"], Knob(
         "radius: samples evenly spaced in radius, most of them near the receiver. area: evenly in area as in the "
         "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
-    visibility: Annotated[Literal["off"], Knob(
-        "Whether geometry between sender and receiver blocks light.")] = "off"
+    visibility: Annotated[Literal["off", "voxel", "horizon"], Knob(
+        "Whether geometry between sender and receiver blocks light. voxel: a grid of the view frustum is walked for "
+        "every sample, as in the talk; the gather then takes many times as long. horizon: samples lie in rows that "
+        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "off"
+    thickness: Annotated[float, Knob(
+        "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
+        "blocks.", 0.0, 1.0, group="Visibility")] = 0.1
+    voxel_fill: Annotated[Literal["solid", "surface"], Knob(
+        "solid: the inside of closed bodies blocks light, and the surface of what is open. surface: surfaces alone; "
+        "thin walls block more surely, slanted ones shadow themselves more easily.", group="Visibility")] = "solid"
+    voxel_slices: Annotated[int, Knob(
+        "Depth slices of the voxel grid. Twice as many halve the error in depth and double the grid's memory.",
+        128, 256, step=128, affects="resources", group="Visibility")] = 128
+    voxel_view_slice: Annotated[int, Knob(
+        "Slice that the buffer voxel_slice shows, 0 is the nearest.",
+        0, 255, affects="display", group="Visibility")] = 64
     guard_band: Annotated[int, Knob(
         "Border that is rendered around the image and cut off at the end, so that light from just outside does not pop "
         "in at the edge; at each side, a share of the image's width and height, rounded up to whole texels of the "

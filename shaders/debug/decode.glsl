@@ -1,4 +1,4 @@
 // Any target as four floats, for reading it back; from its texel `first` on, where the image begins in it.
-#include "lib/as_vec4.glsl"
+#include "debug/source.glsl"
 
-void shade(ivec2 px) { out_decoded = as_vec4(load_source(px + first)); }
+void shade(ivec2 px) { out_decoded = source_at(px + first); }

@@ -1,7 +1,13 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
-// SPACING: 0 even in radius, 1 even in area.
+// SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
 #include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
+#if VISIBILITY == 1
+#include "lib/voxels.glsl"
+#ifndef HAS_VOXELS_FAR
+#define texture_voxels_far texture_voxels
+#endif
+#endif
 
 const float PI = 3.141592653589793;
 
@@ -46,12 +52,119 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
+// A texel as it looks from the receiver.
+struct Sender {
+    ivec2 px;
+    vec3 position;
+    float view_depth;       // 0: background
+    vec3 normal;
+    vec3 offset;            // from the receiver
+    float distance_squared;
+    float inverse_distance;
+};
+
+// False where there is nothing to look at: off screen, background, the receiver itself.
+bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
+    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size_surface())) || at == receiver.px) return false;
+    Surface surface = load_surface(at);
+    vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+    vec3 position = position_from_ray(ray, surface.view_depth);
+    vec3 offset = position - receiver.position;
+    float squared = dot(offset, offset);
+    sender = Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
+    return surface.view_depth > 0.0 && squared > 0.0;
+}
+
+// Form factor of a sender that stands for `texels` texels of its surface.
+float form_factor(Sender sender, float texels) {
+    vec2 scale = frame.ray_scale * texel;
+    float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
+    // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
+    // much: its cosine is held above 1 %.
+    float facing = max(-dot(sender.normal, sender.position), 0.01 * length(sender.position));
+    float depth = sender.view_depth;
+    float disc = sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth) / facing;
+#if FORM_FACTOR == 1
+    return texels * disc / sender.distance_squared;
+#elif SPACING == 0
+    // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
+    // the sum over all texels where a disc of the whole strip's area would stay below it.
+    return texels * disc / (sender.distance_squared + disc);
+#else
+    // The disc is all that the sample stands for: what tames samples that are few near the receiver
+    return texels * disc / (sender.distance_squared + texels * disc);
+#endif
+}
+
+void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
+    float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
+    light.irradiance += radiance * max(receiver_cos, 0.0);
+    light.back_irradiance += radiance * max(-receiver_cos, 0.0);
+    float weight = receiver_cos > 0.0 ? lobe_weight(radiance) : 0.0;
+    light.directions += sender.offset * (weight * sender.inverse_distance);
+    light.weights += weight;
+}
+
+#if VISIBILITY == 2
+#include "lib/horizon.glsl"
+
+// Radius of a row's sample between two radii, and the area in texels that it stands for, per radian.
+vec2 ring_place(float from, float to, int count, float at) {
+    float share = 1.0 / float(count);
+#if SPACING == 0
+    float radius = mix(from, to, at * share);
+    return vec2(radius, radius * (to - from) * share);
+#else
+    float squared = mix(from * from, to * to, at * share);
+    return vec2(sqrt(squared), 0.5 * (to * to - from * from) * share);
+#endif
+}
+
+// Light of the rows of samples that lead away from the receiver in `directions` directions. Walked outwards, each row
+// meets everything that may stand before its next sample.
+void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {
+    vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
+    bool has_near = near_field == 1;
+    // The inner part of a ring only blocks: the finer level has gathered its light.
+    int inner_steps = has_near ? (steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES : (steps + 1) / 2;
+    int outer_steps = has_near ? steps - inner_steps : steps;
+    float inner = has_near ? frame.radius * NEAR_RADIUS : inner_radius;
+    float strip = 2.0 * PI / float(directions);
+    vec2 turn = vec2(cos(strip), sin(strip));
+    for (int d = 0; d < directions; ++d) {
+        HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
+        float shift = fract(jitter + float(d) * 0.618034);
+        uint blocked = 0u;
+        for (int i = 0; i < inner_steps + outer_steps; ++i) {
+            bool is_inner = i < inner_steps;
+            vec2 place = is_inner ? ring_place(0.0, inner, inner_steps, float(i) + shift)
+                                  : ring_place(inner, frame.radius, outer_steps, float(i - inner_steps) + shift);
+            Sender sender;
+            if (!look_at(receiver, ivec2(floor(center + direction * place.x)), sender)) continue;
+            float front = elevation(half_plane, sender.offset * sender.inverse_distance);
+            if (!is_inner || has_near) {
+                float factor = form_factor(sender, strip * place.y);
+                if (factor > 0.0 && !sees_blocked(blocked, front)) {
+                    vec3 radiance = load_radiance(sender.px) * factor;
+                    if (is_inner) receive(receiver, sender, radiance, near);
+                    else receive(receiver, sender, radiance, light);
+                }
+            }
+            vec3 back = sender.position * (1.0 + frame.thickness) - receiver.position;
+            blocked |= sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+        }
+        direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
+    }
+}
+#else
 // Light of the next `count` samples of the spiral.
 void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Incoming light) {
-    ivec2 size = size_surface();
-    vec2 scale = frame.ray_scale * texel;
     vec2 center = vec2(receiver.px) + 0.5;
-    float texel_area = scale.x * scale.y / PI;
+#if VISIBILITY == 1
+    vec2 scale = frame.ray_scale * texel;
+    Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
+    VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
+#endif
     for (int i = 0; i < count; ++i) {
 #if SPACING == 0
         float radius = spiral.at;
@@ -63,38 +176,20 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         ivec2 at = ivec2(floor(center + spiral.direction * radius));
         spiral.direction = golden_rotation(spiral.direction);
         spiral.at += spiral.step;
-        if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size)) || at == receiver.px) continue;
-        Surface sender = load_surface(at);
-        vec3 q = position_from_ray(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), sender.view_depth);
-        vec3 v = q - receiver.position;
-        float distance_squared = dot(v, v);
-        float sender_cos = -dot(sender.normal, v);                  // times the distance
-        if (sender.view_depth <= 0.0 || sender_cos <= 0.0) continue;
-        float inverse_distance = inversesqrt(distance_squared);
-        // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
-        // much: its cosine is held above 1 %.
-        float facing = max(-dot(sender.normal, q), 0.01 * length(q));
-        float depth = sender.view_depth;
-        float disc = sender_cos * inverse_distance * texel_area * (depth * depth * depth) / facing;
-#if FORM_FACTOR == 1
-        float factor = texels * disc / distance_squared;
-#elif SPACING == 0
-        // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
-        // the sum over all texels where a disc of the whole strip's area would stay below it.
-        float factor = texels * disc / (distance_squared + disc);
-#else
-        // The disc is all that the sample stands for: what tames samples that are few near the receiver
-        float factor = texels * disc / (distance_squared + texels * disc);
-#endif
+        Sender sender;
+        if (!look_at(receiver, at, sender)) continue;
+        float factor = form_factor(sender, texels);
+        if (factor <= 0.0) continue;
         vec3 radiance = load_radiance(at) * factor;
-        float receiver_cos = dot(receiver.normal, v) * inverse_distance;
-        light.irradiance += radiance * max(receiver_cos, 0.0);
-        light.back_irradiance += radiance * max(-receiver_cos, 0.0);
-        float weight = receiver_cos > 0.0 ? inverse_distance * lobe_weight(radiance) : 0.0;
-        light.directions += v * weight;
-        light.weights += receiver_cos > 0.0 ? lobe_weight(radiance) : 0.0;
+#if VISIBILITY == 1
+        if (radiance == vec3(0.0)) continue;
+        VoxelEnd there = voxel_end(slicing, at, sender.position, sender.normal, scale);
+        if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
+#endif
+        receive(receiver, sender, radiance, light);
     }
 }
+#endif
 
 Lobe lobe_of(Incoming light, vec3 normal) {
     return make_lobe(light.irradiance * PI, light.back_irradiance * PI, light.directions, light.weights, normal);
@@ -103,31 +198,32 @@ Lobe lobe_of(Incoming light, vec3 normal) {
 void shade(ivec2 px) {
     Lobe dark = Lobe(vec3(0.0), vec3(0.0), 0.0);
     out_gather = dark;
-#ifdef NEAR_FIELD
     out_near = dark;
-#endif
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), surface.normal);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
     vec2 direction = direction_from_turn(jitter.x);
-    Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-#ifdef NEAR_FIELD
-    int near_samples = (frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES, samples = frame.samples - near_samples;
-    float inner = frame.radius * NEAR_RADIUS;
-    Spiral spiral = start_spiral(direction, 0.0, inner, near_samples, jitter.y);
-    Incoming near = none;
-    gather_samples(receiver, near_samples, spiral, near);
-    out_near = lobe_of(near, surface.normal);
-    direction = spiral.direction;
+    Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), near = none, light = none;
+#if VISIBILITY == 2
+    gather_rows(receiver, direction, jitter.y, near, light);
 #else
-    int samples = frame.samples;
-    float inner = inner_radius;
-#endif
     // A single sample is a near one; the rest of the disc then goes without.
-    Spiral outer = start_spiral(direction, inner, frame.radius, samples, jitter.y);
-    Incoming light = none;
-    gather_samples(receiver, samples, outer, light);
+    int near_samples = near_field * ((frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
+    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+    // First what is near, where there is such a part, then the rest: one call, since compilers inline each one.
+    for (int part = 1 - near_field; part < 2; ++part) {
+        bool rest = part == 1;
+        int count = rest ? frame.samples - near_samples : near_samples;
+        Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
+        Incoming sum = none;
+        gather_samples(receiver, count, spiral, sum);
+        direction = spiral.direction;
+        if (rest) light = sum;
+        else near = sum;
+    }
+#endif
+    out_near = lobe_of(near, surface.normal);
     out_gather = lobe_of(light, surface.normal);
 }

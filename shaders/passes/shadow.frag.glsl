@@ -1,22 +1,6 @@
 // Nothing but depth; masked materials leave holes.
-#ifdef ALPHA_MASK
-#include "lib/material.glsl"
-in vec4 uv;
-in float vertex_alpha;
-flat in int material_row;
-uniform sampler2D materials;
-#ifdef BASE_COLOR_MAP
-uniform sampler2DArray base_color_map;
-#endif
-#endif
+#include "lib/alpha_mask.glsl"
 
 void main() {
-#ifdef ALPHA_MASK
-    float alpha = vertex_alpha * texelFetch(materials, ivec2(0, material_row), 0).a;
-#ifdef BASE_COLOR_MAP
-    float layer = texelFetch(materials, ivec2(3, material_row), 0).y;
-    alpha *= sample_map(base_color_map, layer, 0, uv, materials, material_row).a;
-#endif
-    if (alpha < texelFetch(materials, ivec2(2, material_row), 0).w) discard;
-#endif
+    if (is_hole()) discard;
 }

@@ -45,9 +45,7 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
 #if UPSAMPLING == 1
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
-#ifdef HAS_NEAR
     add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
-#endif
     return sum;
 #else
     ivec2 last = size_gather() - 1;
@@ -64,10 +62,8 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
         total += weight;
     }
     sum = scaled(sum, 1.0 / max(total, 1e-6));
-#ifdef HAS_NEAR
     // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.
     add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
-#endif
     return sum;
 #endif
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from contextlib import contextmanager
-from typing import Iterator, Sequence
+from typing import Iterator, Literal, Sequence
 
 import moderngl
 import numpy as np
@@ -16,6 +16,8 @@ _TEXTURE_2D, _TEXTURE0, _ACTIVE_TEXTURE = 0x0DE1, 0x84C0, 0x84E0
 _TEXTURE_BINDING_2D, _SAMPLER_BINDING = 0x8069, 0x8919
 _UNIFORM_BUFFER, _UNIFORM_BUFFER_BINDING, _UNIFORM_BUFFER_START, _UNIFORM_BUFFER_SIZE = 0x8A11, 0x8A28, 0x8A29, 0x8A2A
 _COLOR, _DEPTH = 0x1800, 0x1801
+_COLOR_LOGIC_OP = 0x0BF2
+_COPY, _LOGIC_OPERATIONS = 0x1503, {"xor": 0x1506, "or": 0x1507}
 _ZEROS, _FARTHEST = (ctypes.c_uint * 4)(), (ctypes.c_float * 1)(1.0)
 
 
@@ -92,6 +94,18 @@ class GLFunctions:
             self._function("glClearBufferuiv" if whole else "glClearBufferfv", *arguments)(_COLOR, at, _ZEROS)
         if depth:
             self._function("glClearBufferfv", *arguments)(_DEPTH, 0, _FARTHEST)
+
+    @contextmanager
+    def logic_operation(self, name: Literal["xor", "or"]) -> Iterator[None]:
+        """Let fragments change the bits that integer attachments hold already, instead of replacing them."""
+        operate = self._function("glLogicOp", ctypes.c_uint)
+        self._context.enable_direct(_COLOR_LOGIC_OP)
+        operate(_LOGIC_OPERATIONS[name])
+        try:
+            yield
+        finally:
+            operate(_COPY)
+            self._context.disable_direct(_COLOR_LOGIC_OP)
 
     def texture_array(self, layers: list[np.ndarray], srgb: bool) -> moderngl.TextureArray:
         """An array texture of 8-bit RGBA images with mipmaps.

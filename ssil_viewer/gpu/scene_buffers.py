@@ -16,6 +16,7 @@ import numpy as np
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.memory import allocating, require_memory
+from ssil_viewer.gpu.solid_order import SolidOrder, solid_order
 from ssil_viewer.scene.model import Material, Scene, TextureRef
 
 OBJECTS_PER_ROW = 128   # shaders/lib/scene.glsl
@@ -75,6 +76,7 @@ class GpuScene:
         groups: Draw calls, opaque ones first.
         opaque_count: Number of indices, from the first, that belong to opaque groups.
         has_occlusion_maps: Some material darkens indirect light.
+        solids: Opaque triangles sorted by `sort_solids`, None before; `solid_buffer` has their indices.
 
     Raises:
         UserError: The scene is too large for OpenGL or for memory; nothing is allocated then.
@@ -83,6 +85,9 @@ class GpuScene:
     def __init__(self, context: moderngl.Context, scene: Scene, software: bool = False) -> None:
         _check_size(context, scene)
         self._context = context
+        self._scene = scene
+        self.solids: SolidOrder | None = None
+        self.solid_buffer: moderngl.Buffer | None = None
         low, high = scene.bounds()
         self.origin = (low + high) / 2
         self.bounds = np.stack([low - self.origin, high - self.origin])
@@ -219,6 +224,20 @@ class GpuScene:
         if not chunks:
             return np.zeros(1, _VERTEX), np.zeros(3, np.uint32)
         return np.concatenate(chunks), np.concatenate(ordered)
+
+    def sort_solids(self) -> None:
+        """Fill `solids` and `solid_buffer`, once: most scenes are drawn without ever needing them.
+
+        Raises:
+            UserError: There is no memory for them.
+        """
+        if self.solids is None:
+            order = solid_order(self._scene)
+            with allocating(self._context, f"the order of {len(order.indices) // 3} triangles", self._scene.name,
+                            "choose --visibility off"):
+                # OpenGL has no empty buffers
+                self.solid_buffer = self._own(self._context.buffer(order.indices if len(order.indices) else bytes(12)))
+            self.solids = order
 
     # -- transforms ------------------------------------------------------------------------------------------------
 

@@ -9,12 +9,13 @@ from ssil_viewer.gpu.scene_buffers import DEPTH_FORMAT, FULL_FORMAT, MASKED_DEPT
 from ssil_viewer.gpu.screen_program import declare_fragment_writes
 from ssil_viewer.gpu.uniforms import glsl_block
 
-_UNITS = {"objects": 0, "materials": 1, **{f"{slot}_map": 2 + at for at, slot in enumerate(SLOTS)}}
+_UNITS = {"objects": 0, "materials": 1, **{f"{slot}_map": 2 + at for at, slot in enumerate(SLOTS)},
+          "depth_range": 2 + len(SLOTS)}
 _DEPTH_DEFINES = {"ALPHA_MASK", "BASE_COLOR_MAP", "SAMPLER_EXTRAS"}
 
 
 class SceneDrawer:
-    """Draws a scene into the G-buffer and into shadow maps.
+    """Draws a scene into the G-buffer, into shadow maps and into voxels.
 
     Programs are kept across scenes; vertex arrays belong to one scene.
     """
@@ -84,6 +85,48 @@ class SceneDrawer:
         array.program["clip_from_world"].write(clip)
         array.render(moderngl.TRIANGLES, count, first)
 
+    def draw_solids(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
+                    depth_range: moderngl.Texture) -> None:
+        """Triangles of solid bodies, to be combined by XOR.
+
+        Args:
+            writes: (name, format) of the color attachments in order.
+            slices: Depth slices of the voxels.
+            covered: Share of the attachments' width and height that the image covers.
+            depth_range: Target of that name, level 0.
+        """
+        self._scene.sort_solids()
+        self._use_tables()
+        depth_range.use(_UNITS["depth_range"])
+        defines = (f"SLICES {slices}", "SOLID")
+        self._render_voxels(defines, DEPTH_FORMAT, writes, 0, self._scene.solids.solid_count, covered, True)
+
+    def draw_open(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
+                  depth_range: moderngl.Texture, solids: bool) -> None:
+        """Triangles of everything that is no solid body, and of those if `solids`, to be combined by OR.
+
+        Other arguments as of `draw_solids`.
+        """
+        self._use_tables()
+        depth_range.use(_UNITS["depth_range"])
+        defines = (f"SLICES {slices}",)
+        first = 0 if solids else self._scene.solids.solid_count
+        self._render_voxels(defines, DEPTH_FORMAT, writes, first, self._scene.opaque_count - first, covered,
+                            not solids)
+        bound: dict[str, int] = {}
+        for group in self._scene.groups:
+            if group.masked:
+                self._use_textures(group, bound)
+                masked = (*defines, *(d for d in group.defines if d in _DEPTH_DEFINES))
+                self._render_voxels(masked, MASKED_DEPTH_FORMAT, writes, group.first, group.count, covered, False)
+
+    def _render_voxels(self, defines: tuple[str, ...], layout: tuple, writes: tuple[tuple[str, str], ...], first: int,
+                       count: int, covered: tuple[float, float], sorted_solids: bool) -> None:
+        if count:
+            array = self._array("voxelize", defines, writes, layout, sorted_solids)
+            array.program["covered"].value = covered
+            array.render(moderngl.TRIANGLES, count, first)
+
     def _use_tables(self) -> None:
         self._scene.objects.use(_UNITS["objects"])
         self._scene.materials.use(_UNITS["materials"])
@@ -95,15 +138,17 @@ class SceneDrawer:
                 self._scene.arrays[index].use(_UNITS[f"{slot}_map"])
                 bound[slot] = index
 
-    def _array(self, stem: str, defines: tuple[str, ...], writes: tuple, layout: tuple) -> moderngl.VertexArray:
+    def _array(self, stem: str, defines: tuple[str, ...], writes: tuple, layout: tuple,
+               sorted_solids: bool = False) -> moderngl.VertexArray:
         key = (stem, defines, writes)
-        if key not in self._arrays:
+        if (*key, sorted_solids) not in self._arrays:
             if key not in self._programs:
                 self._programs[key] = self._compile(*key)
             buffers = [(self._scene.vertex_buffer, layout[0], *layout[1])]
-            self._arrays[key] = self._context.vertex_array(self._programs[key], buffers, self._scene.index_buffer,
-                                                           skip_errors=True)
-        return self._arrays[key]
+            indices = self._scene.solid_buffer if sorted_solids else self._scene.index_buffer
+            self._arrays[*key, sorted_solids] = self._context.vertex_array(self._programs[key], buffers, indices,
+                                                                           skip_errors=True)
+        return self._arrays[*key, sorted_solids]
 
     def _compile(self, stem: str, defines: tuple[str, ...], writes: tuple) -> moderngl.Program:
         head = ["#version 330 core", *(f"#define {name}" for name in defines), glsl_block(self._block, "frame")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ContextManager, Iterable, Literal
+from typing import Callable, ContextManager, Iterable, Literal
 
 import moderngl
 
@@ -55,10 +55,19 @@ FORMATS: dict[str, Format] = {
     "rgba8": Format(4, "f1", "vec4", "vec4", "sampler2D", "image2D", "rgba8", "{}", "{}", 4),
     "rgba16f": Format(4, "f2", "vec4", "vec4", "sampler2D", "image2D", "rgba16f", "{}", "{}", 8),
     "rgba32f": Format(4, "f4", "vec4", "vec4", "sampler2D", "image2D", "rgba32f", "{}", "{}", 16),
+    "rg32f": Format(2, "f4", "vec2", "vec2", "sampler2D", "image2D", "rg32f", "{}.xy", "{}", 8),
+    "voxels": Format(4, "u4", "uvec4", "uvec4", "usampler2D", "uimage2D", "rgba32ui", "{}", "{}", 16),
     "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
 }
 
-Extent = Literal["image", "pyramid", "coarse", "gather", "start"]
+Extent = Literal["image", "pyramid", "coarse", "gather", "start", "reduction"]
+
+REDUCTION_STEP = 8      # texels per side that one texel of a reduction's next level sums up
+REDUCTION_LEVELS = 5    # so that level 0 is one texel for images of up to 8^5 pixels a side
+
+
+def _always(settings: Settings) -> bool:
+    return True
 
 
 @dataclass(frozen=True)
@@ -69,9 +78,11 @@ class Target:
         format: Key of `FORMATS`.
         meaning: What a texel holds, with unit and space, and what background holds.
         extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
-            gather: starting level to the last; start: the starting level.
+            gather: starting level to the last; start: the starting level. reduction: no part of the pyramid; level 0
+            is a single texel, each further one is eight times as wide and high, and the last an eighth of the image.
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
+        exists: Whether it is allocated under given settings.
         cropped: It has the image's size, without the guard band.
     """
 
@@ -80,14 +91,25 @@ class Target:
     extent: Extent = "image"
     history: bool = False
     optional: bool = False
+    exists: Callable[[Settings], bool] = _always
     cropped: bool = False
 
     def levels(self, settings: Settings) -> range:
         """Levels that exist under these settings."""
+        if not self.exists(settings):
+            return range(0)
         last = settings.last_level
         return {"image": range(0, 1), "pyramid": range(0, last + 1), "coarse": range(1, last + 1),
                 "gather": range(settings.start_level, last + 1),
-                "start": range(settings.start_level, settings.start_level + 1)}[self.extent]
+                "start": range(settings.start_level, settings.start_level + 1),
+                "reduction": range(REDUCTION_LEVELS)}[self.extent]
+
+    def level_size(self, size: tuple[int, int], level: int) -> tuple[int, int]:
+        """Width and height of a level, where level 0 of the pyramid has this size."""
+        if self.extent == "reduction":
+            divisor = REDUCTION_STEP ** (REDUCTION_LEVELS - level)
+            return -(-size[0] // divisor), -(-size[1] // divisor)
+        return level_size(size, level)
 
 
 def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
@@ -121,7 +143,8 @@ def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, T
     total = {"depth_buffer": _DEPTH_BYTES * rendered[0] * rendered[1]} if depth else {}
     for name, target in targets.items():
         whole = size if target.cropped else rendered
-        sizes = [level_size(whole, level) for level in (*target.levels(settings), *([0] if target.history else []))]
+        levels = (*target.levels(settings), *([0] if target.history else []))
+        sizes = [target.level_size(whole, level) for level in levels]
         total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
     return total
 
@@ -164,7 +187,7 @@ class TargetSet:
 
     def _create(self, target: Target, level: int) -> moderngl.Texture:
         form = FORMATS[target.format]
-        size = level_size(self.size if target.cropped else self._rendered, level)
+        size = target.level_size(self.size if target.cropped else self._rendered, level)
         with self._allocating():     # each on its own: the first failure ends it
             texture = self._context.texture(size, form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

@@ -2,6 +2,7 @@
 
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.passes.composite import Composite
+from ssil_viewer.passes.depth_range import DepthRange
 from ssil_viewer.passes.direct import Direct
 from ssil_viewer.passes.gather import Gather
 from ssil_viewer.passes.gbuffer import GBuffer
@@ -10,8 +11,11 @@ from ssil_viewer.passes.mipmap import Mipmap
 from ssil_viewer.passes.shadows import Shadows
 from ssil_viewer.passes.temporal import Temporal
 from ssil_viewer.passes.upsample import Upsample
+from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
+from ssil_viewer.passes.voxelize import Voxelize
 
-FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Direct, Mipmap, Gather, Upsample, Temporal, Composite)
+FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Direct, DepthRange, Voxelize, VoxelMipmap, Mipmap, Gather, Upsample,
+                                 Temporal, Composite)
 
-__all__ = ["FRAME", "Composite", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap", "Pass", "Read",
-           "ScreenPass", "Shadows", "Temporal", "Upsample"]
+__all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
+           "Pass", "Read", "ScreenPass", "Shadows", "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
@@ -21,22 +22,32 @@ class Gather(ScreenPass):
 
     name = "gather"
     shader = "passes/gather.glsl"
-    reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance")}
+    reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance"),
+             "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
+             "depth_range": Read.of("depth_range", offset=None, optional=True)}
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
-              "near": Target("lobe", "light from the innermost part of the disc: flux and mean direction", "start")}
-    uniforms = {"texel": "float", "inner_radius": "float"}
+              "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
+                                     "direction; black at the other levels", "gather")}
+    uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int", "directions": "int", "steps": "int"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = (switch("FORM_FACTOR", frame.settings.form_factor, ("disc", "point")),
-                  switch("SPACING", frame.settings.sample_spacing, ("radius", "area")))
+                  switch("SPACING", frame.settings.sample_spacing, ("radius", "area")),
+                  switch("VISIBILITY", frame.settings.visibility, ("off", "voxel", "horizon")),
+                  ("SLICES", str(frame.settings.voxel_slices)))
+        unread = {"voxels", "voxels_far", "depth_range"}
+        if frame.settings.visibility == "voxel":
+            unread = {"voxels_far"} if frame.settings.voxel_slices == 128 else set()
+        # Rows of about as many samples as there are rows
+        directions = math.isqrt(frame.settings.samples)
+        rows = {"directions": directions, "steps": frame.settings.samples // directions}
         first = frame.settings.start_level
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
-            near = level == first
-            defines = (*chosen, ("NEAR_FIELD", "")) if near else chosen
-            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner}, defines,
-                           frozenset() if near else frozenset({"near"}))
+            # The near field is a uniform, not a definition: a second program would compile for longer than it saves
+            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
+                                   **rows}, chosen, frozenset(unread))

@@ -44,9 +44,7 @@ class Upsample(ScreenPass):
             if level == last:
                 omit |= {"coarse", "coarse_surface"}
             if level < frame.settings.start_level:
-                omit.add("gather")
-            if level != frame.settings.start_level:
-                omit.add("near")
+                omit |= {"gather", "near"}
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
             # The window, 5x5, is a uniform so that compilers keep the loop: unrolled it takes them long

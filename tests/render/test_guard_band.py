@@ -175,3 +175,23 @@ def test_a_host_draws_its_own(context):
     lighting.set_settings(Settings(guard_band=10, samples=8))
     assert lighting.settings == Settings(samples=8) and lighting.size == (64, 48)
     lighting.release()
+
+
+@pytest.mark.parametrize("visibility", ["voxel", "horizon"])
+def test_what_blocks_light_reaches_into_the_band(make_renderer, visibility):
+    """A screen beyond the image's edge, before a board that is there, too, takes its light from the wall: most of it,
+    since a grid at half resolution does not see the last texels of a contact."""
+    wall = scenes.rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0))
+    board = scenes.rectangle((2.0, -0.4, 0.6), (0, 0, -0.5), (0, 0.8, 0), 1)
+    screen = scenes.rectangle((1.72, -0.8, 0.7), (0, 0, -0.7), (0, 1.6, 0), 2)
+    materials = (WHITE, replace(GLOWING, double_sided=True),
+                 replace(WHITE, base_color=(0, 0, 0, 1), double_sided=True))
+    light = {}
+    for name, primitives in (("open", (wall, board)), ("hidden", (wall, board, screen))):
+        renderer = make_renderer(scenes.scene(primitives, materials), SIZE, **SMALL, guard_band=25,
+                                 visibility=visibility, voxel_fill="surface")
+        render_frames(renderer, replace(CAMERA, eye=(0.3, 0, 3), target=(0.3, 0, 0),
+                                        vertical_fov=2 * np.arctan(0.255)), 4)
+        light[name] = renderer.read("indirect")[:, -20:].mean()
+    assert light["open"] > 0.1
+    assert light["hidden"] < 0.3 * light["open"]

@@ -115,5 +115,7 @@ def _widget(info: KnobInfo, value: Any) -> tuple[bool, Any]:
     if info.type is int and knob.high - knob.low > _MOST_SLIDER_STEPS:
         return imgui.input_int(name, value)
     if info.type is int:
-        return imgui.slider_int(name, value, int(knob.low), int(knob.high), number_format(info), flags)
+        changed, new = imgui.slider_int(name, value, int(knob.low), int(knob.high), number_format(info), flags)
+        new = int(knob.low) + round((new - knob.low) / knob.step) * knob.step
+        return changed and new != value, new
     return imgui.slider_float(name, value, knob.low, knob.high, number_format(info), flags)

@@ -1,0 +1,43 @@
+// Which elevations around a receiver are blocked, as bits, in one half-plane of directions (Therrien et al. 2023).
+//
+// A row of samples that leads straight away from the receiver in the image lies in a plane with the camera. In its half
+// on the row's side a direction is told by its angle to the direction of the camera, from 0 to where the receiver's own
+// surface begins; 32 bits divide that range evenly.
+
+struct HalfPlane {
+    vec3 to_camera;
+    float inverse_span;     // of the angles above the receiver's surface, radians
+};
+
+// Within 1e-4 radians (Abramowitz and Stegun 4.4.45).
+float fast_acos(float x) {
+    float a = min(abs(x), 1.0);
+    float y = sqrt(1.0 - a) * (1.5707288 + a * (-0.2121144 + a * (0.0742610 - 0.0187293 * a)));
+    return x < 0.0 ? 3.14159265 - y : y;
+}
+
+// position, normal: of the receiver, view space. along: the row's direction in the image, view space.
+HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
+    vec3 to_camera = -position * inversesqrt(max(dot(position, position), 1e-30));
+    vec3 outward = along - to_camera * dot(along, to_camera);
+    outward *= inversesqrt(max(dot(outward, outward), 1e-30));
+    float up = dot(normal, to_camera), out_part = dot(normal, outward);
+    float span = fast_acos(-out_part * inversesqrt(max(up * up + out_part * out_part, 1e-30)));
+    return HalfPlane(to_camera, 1.0 / max(span, 1e-3));
+}
+
+// 0: towards the camera, 1: along the receiver's surface, more: below it. direction: unit length.
+float elevation(HalfPlane half_plane, vec3 direction) {
+    return fast_acos(dot(direction, half_plane.to_camera)) * half_plane.inverse_span;
+}
+
+// Bits of the elevations from `low` to `high`. Rounded at both ends, so that narrow sectors add up without bias.
+uint sector(float low, float high) {
+    int first = int(clamp(low, 0.0, 1.0) * 32.0 + 0.5), count = int(clamp(high, 0.0, 1.0) * 32.0 + 0.5) - first;
+    return count <= 0 ? 0u : (0xFFFFFFFFu >> uint(32 - count)) << uint(first);
+}
+
+// Whether what is seen at an elevation hides behind the blocked ones. Below the surface nothing is known to block.
+bool sees_blocked(uint blocked, float at) {
+    return at < 1.0 && ((blocked >> uint(clamp(at, 0.0, 0.999) * 32.0)) & 1u) != 0u;
+}
