@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Iterator, Literal
 
 import moderngl
@@ -58,7 +58,8 @@ class IndirectLighting:
     Args:
         context: The host's, OpenGL 3.3 or newer, current in this thread.
         size: Width and height of the G-buffer in pixels.
-        settings: As for the renderer; those of its display have no effect. `bounces` must not be 0.
+        settings: As for the renderer; those of its display have no effect, and `guard_band` has none: a host that
+            wants one draws a wider G-buffer, and uses the middle of the answer. `bounces` must not be 0.
         stage: How the passes compile; "auto" is compute where OpenGL is 4.3 or newer.
         timed: Measure each pass, see `timings`. Not within a time query of the host's own: such queries do not nest.
 
@@ -68,7 +69,7 @@ class IndirectLighting:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings = Settings(), *,
                  stage: Literal["auto", "compute", "fragment"] = "auto", timed: bool = False) -> None:
-        _check_settings(settings)
+        settings = _own_settings(settings)
         self._context = context
         with self._own_state():
             self._runner = PassRunner(context, FRAME, size, settings, stage=stage, timed=timed)
@@ -98,7 +99,7 @@ class IndirectLighting:
 
     def set_settings(self, settings: Settings) -> None:
         """Change the settings. Raises UserError when they do not fit; the old ones stay then."""
-        _check_settings(settings)
+        settings = _own_settings(settings)
         with self._own_state():
             self._runner.set_settings(settings)
 
@@ -188,11 +189,13 @@ class IndirectLighting:
             self._runner.release()
 
 
-def _check_settings(settings: Settings) -> None:
+def _own_settings(settings: Settings) -> Settings:
+    """What of a host's settings is in force. Raises UserError where nothing would be left to do."""
     if settings.bounces == 0:
         raise UserError("without a bounce there is no indirect light", "bounces", "give 1")
     if settings.visibility == "voxel":
         raise UserError("voxels need the scene's triangles, and a G-buffer has none", "visibility", "give off")
+    return replace(settings, guard_band=0)
 
 
 def _check_texture(name: str, texture: moderngl.Texture, size: tuple[int, int], dtypes: tuple[str, ...],

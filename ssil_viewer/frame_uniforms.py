@@ -9,6 +9,7 @@ import numpy as np
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.light_table import look_along, perspective
+from ssil_viewer.gpu.targets import rendered_size
 from ssil_viewer.gpu.uniforms import Float, Int, Mat4, Vec2, Vec3
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings
@@ -32,9 +33,10 @@ class Frame:
     previous_clip_from_view: Mat4
     previous_view_from_view: Mat4
     ray_scale: Vec2             # size of a level-0 pixel on the plane z = 1
-    ray_origin: Vec2            # lower left corner of the image on that plane
+    ray_origin: Vec2            # lower left corner of what is rendered on that plane
     previous_ray_scale: Vec2
     previous_ray_origin: Vec2
+    extent: Vec2                # size of what is rendered over that of the image: 1 without a guard band
     jitter: Vec2                # shift of the sample pattern: turn and radius, in [0, 1)
     background: Vec3            # radiance of the backdrop
     exposure: Float             # factor on radiance before tone mapping
@@ -58,13 +60,15 @@ class View:
     far: float
 
 
-def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds: np.ndarray) -> View:
+def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds: np.ndarray,
+              band: tuple[int, int] = (0, 0)) -> View:
     """Matrices of a camera.
 
     Args:
-        size: Image width and height in pixels.
+        size: Image width and height in pixels; the camera's field of view is that of the image.
         origin: (3,) world position of the GPU's zero.
         bounds: (2, 3) box of the geometry relative to `origin`; the clip planes enclose it.
+        band: Pixels of the guard band, by which the matrices see more at each side.
 
     Raises:
         UserError: Eye and target coincide, a number is not finite, or the field of view is not below 180 degrees.
@@ -91,7 +95,8 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
     # 24 bits of depth tell nothing apart behind a near plane that is closer still
     near = min(max(near, far * 1e-4), far * 0.5)
     tan_y = math.tan(camera.vertical_fov / 2)
-    tan_half = (tan_y * size[0] / size[1], tan_y)
+    # Pixels are square: so much of the plane z = 1 for each
+    tan_half = (tan_y * (size[0] + 2 * band[0]) / size[1], tan_y * (size[1] + 2 * band[1]) / size[1])
     return View(view, perspective(tan_half, near, far), near, far)
 
 
@@ -127,6 +132,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
     """The uniform block of one frame.
 
     Args:
+        size: Of the image; `view` and `previous` see its guard band, too.
         frame_index: Frames since the history began; moves the sample pattern while temporal reprojection runs.
         history: Whether the last frame's textures hold this scene.
         moving: A light or an object moved since the last frame: the light of many frames ago is another one.
@@ -135,11 +141,12 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
     step = frame_index if settings.temporal else 0
     longest = min(settings.temporal_frames, MOVING_FRAMES) if moving else settings.temporal_frames
     start = np.random.default_rng(settings.seed).random(2)
+    rendered = rendered_size(size, settings)
     jitter = [(start[i] + step * _PLASTIC[i]) % 1.0 for i in range(2)]
 
     # A point (x, y) of the plane z = 1 before the camera lands at ndc = clip[0, 0] x - clip[0, 2], in y likewise
     def ray_scale(v: View) -> tuple[float, float]:
-        return 2 / (v.clip_from_view[0, 0] * size[0]), 2 / (v.clip_from_view[1, 1] * size[1])
+        return 2 / (v.clip_from_view[0, 0] * rendered[0]), 2 / (v.clip_from_view[1, 1] * rendered[1])
 
     def ray_origin(v: View) -> tuple[float, float]:
         clip = v.clip_from_view
@@ -151,7 +158,8 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         previous_view_from_view=previous.view_from_world @ world_from_view,
         ray_scale=ray_scale(view), ray_origin=ray_origin(view),
         previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
-        jitter=jitter, background=background, exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
+        extent=(rendered[0] / size[0], rendered[1] / size[1]), jitter=jitter, background=background,
+        exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
         near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
         history_frames=longest if history else 0, voxel_view_slice=settings.voxel_view_slice)
 

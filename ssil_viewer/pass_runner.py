@@ -17,7 +17,7 @@ from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
-from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, target_bytes
+from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, guard_band, rendered_size, target_bytes
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
@@ -74,6 +74,11 @@ class Frame:
         """The context that is drawn with."""
         return self.runner.context
 
+    @property
+    def band(self) -> tuple[int, int]:
+        """Pixels of the guard band at the left and at the bottom."""
+        return self.runner.band
+
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch) -> None:
         """Run a screen pass's shader once."""
         self.runner.dispatch(screen_pass, dispatch, self.tables)
@@ -102,7 +107,7 @@ class PassRunner:
 
     Args:
         passes: In the order in which they run.
-        size: Image width and height in pixels.
+        size: Image width and height in pixels, without the guard band.
         stage: How screen passes compile; "auto" is compute where OpenGL is 4.3 or newer.
         keep: Optional targets to allocate, such as "final".
         timed: Passes are timed.
@@ -146,6 +151,9 @@ class PassRunner:
         limit = self.capabilities.max_texture_size
         if not (1 <= size[0] <= limit and 1 <= size[1] <= limit):
             raise UserError(f"{shown} pixels cannot be rendered", "--size", f"this OpenGL takes 1x1 to {limit}x{limit}")
+        if max(rendered := rendered_size(size, settings)) > limit:
+            raise UserError(f"{shown} with its guard band is {rendered[0]}x{rendered[1]}", "--guard-band",
+                            f"give less: this OpenGL takes {limit}x{limit}")
         if self.capabilities.software:
             needed = target_bytes(size, settings, self.declared, self._rasterizes)
             require_memory(sum(needed.values()), shown, "--size", advice)
@@ -233,6 +241,11 @@ class PassRunner:
                         if stop.is_set():
                             return
                         frame.dispatch(p, dispatch)
+
+    @property
+    def band(self) -> tuple[int, int]:
+        """Pixels of the guard band at the left and right, and at the bottom and top."""
+        return guard_band(self.size, self.settings)
 
     @property
     def radius(self) -> float:

@@ -8,7 +8,7 @@ from typing import Iterable, Literal, Sequence
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS, BufferInfo, find_buffer
+from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.gpu.context import Capabilities
@@ -18,7 +18,7 @@ from ssil_viewer.gpu.present import Presenter
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.screen_program import Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
@@ -166,7 +166,7 @@ class Renderer:
         if self.scene is None:
             raise FrameError("render needs a scene: call set_scene first")
         gpu_scene, lights = self._gpu_scene, self._light_table
-        view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds)
+        view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds, self._runner.band)
         with self._runner.frame():
             moved = gpu_scene.upload_transforms()
             stale = self._lights_moved or moved
@@ -264,10 +264,10 @@ class Renderer:
             return  # a setting took it away; the picture shows instead
         buffer = BUFFERS[name]
         reads, defines, inputs = self._source(buffer, level)
-        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),), (("texel", "float"),),
-                          (*defines, ("VIEW", str(buffer.view))))
+        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),),
+                          (("texel", "float"), ("first", "ivec2")), (*defines, ("VIEW", str(buffer.view))))
         self._runner.shade(variant, self._runner.targets, inputs, {"display": self.display},
-                           {"texel": float(2**level)})
+                           {"texel": float(2**level), "first": self._begin(buffer)})
 
     def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
         """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
@@ -279,11 +279,16 @@ class Renderer:
             inputs["more"] = self._runner.targets.texture(buffer.more, level)
         return tuple(reads), ((form.upper(), ""),), inputs
 
+    def _begin(self, buffer: Buffer) -> tuple[int, int]:
+        """The pixel of the buffer's target where the image begins: after the guard band, if it has that."""
+        target = buffer.pick(self._runner.running_targets())
+        return (0, 0) if self._runner.declared[target].cropped else self._runner.band
+
     def read(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer after `render`.
 
         Returns:
-            float32, (H, W, C) or (H, W), row 0 = top, decoded.
+            float32, (H, W, C) or (H, W), row 0 = top, decoded; ceil(size / 2^level), without the guard band.
 
         Raises:
             UserError: There is no such buffer or level; the nearest name is suggested.
@@ -291,20 +296,20 @@ class Renderer:
         find_buffer(self.buffers(), name, level)
         buffer = BUFFERS[name]
         reads, defines, inputs = self._source(buffer, level)
-        source = inputs["source"]
-        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (), defines)
-        scratch = TargetSet(self.context, source.size, self.settings, {"decoded": Target("rgba32f", "")})
+        width, height = size = level_size(self.size, level)
+        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (("first", "ivec2"),), defines)
+        scratch = TargetSet(self.context, size, self.settings, {"decoded": Target("rgba32f", "", cropped=True)})
+        first = tuple(at >> level for at in self._begin(buffer))
         try:
             self._runner.unbind()
-            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {})
+            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {"first": first})
             data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
         finally:
             scratch.release()
-        width, height = source.size
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
 
     def read_stored(self, target: str, level: int = 0) -> np.ndarray:
-        """Texels of a render target as they are stored, (H, W, C), row 0 = top.
+        """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.
 
         Raises:
             KeyError: No such target, or not at this level.

@@ -143,6 +143,11 @@ class Settings:
     voxel_view_slice: Annotated[int, Knob(
         "Slice that the buffer voxel_slice shows, 0 is the nearest.",
         0, 255, affects="display", group="Visibility")] = 64
+    guard_band: Annotated[int, Knob(
+        "Border that is rendered around the image and cut off at the end, so that light from just outside does not pop "
+        "in at the edge; at each side, a share of the image's width and height, rounded up to whole texels of the "
+        "coarsest level. Costs what so many more pixels cost.",
+        0, 25, "%", affects="resources")] = 0
     bounces: Annotated[int, Knob(
         "Indirect bounces; 0 shows direct light only and skips the indirect passes.", 0, 1)] = 1
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(

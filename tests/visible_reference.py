@@ -1,19 +1,20 @@
 """Reference R2: R1 with true visibility, by rays against the triangles of the scene.
 
 What differs from it is the error of the visibility mode, on top of what differs from R1. Receivers are the image's own
-pixels, senders the texels of one level, the estimator is `tests.reference.transport`.
+pixels, senders the texels of one level, without a guard band; the estimator is `tests.reference.transport`.
 
 **Which rays.** 60 blocks of 8x8 pixels and 57,600 senders make 200 million pairs. For each receiver some senders are
 drawn with probability proportional to what they would send, stratified over the senders in Z-order, so that a stratum
 is a patch of the image. What the hidden ones among them would have sent is taken off the exact unoccluded sum:
 unbiased, and equal to R1 where nothing is hidden.
 
-**Where rays end.** At points that the camera sees, nearer to it by LIFT of their depth: nothing lies in between,
-whatever a normal map says. A receiver is a pixel's centre. A coarse texel's centre is made up by the mipmaps and can
-lie inside of a wall; rays end at the nearest of the texel's pixels instead. No distance is left out at either end.
+**Where rays end.** At points that the camera sees, nearer to it by `occluders.LIFT` of their depth: nothing lies in
+between, whatever a normal map says. A receiver is a pixel's centre. A coarse texel's centre is made up by the mipmaps
+and can lie inside of a wall; rays end at the nearest of the texel's pixels instead. No distance is left out at either
+end.
 
-**What blocks.** Every triangle of every instance, from both sides, as if opaque: masked leaves and chains
-block as whole triangles, so that R2 is a little too dark next to them.
+**What blocks.** Every triangle of every instance, from both sides, but for the holes of masked ones
+(`tests/occluders.py`).
 
 **Time.** 60 blocks of 8x8 pixels with senders of level 2 at 1280x720: 3 to 10 s on two cores, half of it for R1.
 
@@ -23,43 +24,11 @@ block as whole triangles, so that R2 is a little too dark next to them.
 from __future__ import annotations
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
-from ssil_viewer.gpu.light_table import look_along
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera, Scene
+from tests.occluders import Occluders
 from tests.reference import Surfaces, bias_and_error, random_blocks, read_surfaces, shining, transport
-
-LIFT = 3e-4
-"""Of the view depth: a third of a pixel at 720 lines. Rasterizers place vertices to 1/256 of a pixel, which moves a
-surface seen at 89 degrees along the view ray by two thirds of this."""
-
-
-class Occluders:
-    """The triangles of a scene in a camera's view space, so that single precision is spent around the camera."""
-
-    def __init__(self, scene: Scene, camera: Camera) -> None:
-        eye = np.asarray(camera.eye, np.float64)
-        view_from_world = look_along(eye, np.asarray(camera.target, np.float64) - eye, np.asarray(camera.up))
-        triangles = []
-        for instance in scene.instances:
-            view_from_object = view_from_world @ instance.world_from_object
-            for primitive in scene.meshes[instance.mesh].primitives:
-                points = primitive.positions @ view_from_object[:3, :3].T + view_from_object[:3, 3]
-                triangles.append(points[primitive.indices].astype(np.float32))
-        self._scene = EmbreeScene(robust=True)
-        self._mesh = TriangleMesh(self._scene, np.concatenate(triangles))
-
-    def between(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """(N,) bool: whether a triangle lies between two points that the camera sees, each (N, 3) in view space."""
-        start, end = start * (1 - LIFT), end * (1 - LIFT)
-        along = end - start
-        length = np.linalg.norm(along, axis=-1)
-        along /= np.maximum(length, 1e-12)[:, None]
-        hit = self._scene.run(start.astype(np.float32), along.astype(np.float32), dists=length.astype(np.float32),
-                              query="OCCLUDED")
-        return hit != -1
 
 
 def seen_points(image: Surfaces, senders: Surfaces) -> np.ndarray:

@@ -1,10 +1,11 @@
 // A buffer on the screen, each of its texels as one block of pixels. VIEW: 0 radiance or irradiance (exposed and
 // tone-mapped), 1 reflectance (as it is), 2 normal, 3 view depth, 4 index 0..3, 5 motion, 6 alpha channel.
+// `first` is the pixel where the image begins in what was rendered.
 #include "lib/color.glsl"
 #include "debug/source.glsl"
 
 void shade(ivec2 px) {
-    ivec2 at = min(ivec2((vec2(px) + 0.5) / texel), size_source() - 1);
+    ivec2 at = min(ivec2((vec2(px + first) + 0.5) / texel), size_source() - 1);
     vec4 value = source_at(at);
 #if VIEW == 0
     vec3 color = srgb_from_linear(tone_map_aces(value.rgb * frame.exposure));

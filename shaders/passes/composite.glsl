@@ -1,5 +1,6 @@
 // The picture: direct light plus albedo times irradiance over pi, then exposure, tone mapping and the one and
 // only sRGB encoding. SHOW: 0 both, 1 direct, 2 indirect. TONE_MAP: 0 aces, 1 neutral, 2 reinhard, 3 linear.
+// Here the guard band is cut off: `band` is where the image begins in what was rendered.
 #include "lib/color.glsl"
 
 const float PI = 3.141592653589793;
@@ -12,9 +13,9 @@ float dither(ivec2 px) {
 void shade(ivec2 px) {
     vec3 indirect = vec3(0.0);
 #ifdef HAS_IRRADIANCE
-    indirect = load_albedo(px).rgb * vec3(load_irradiance(px)) * (1.0 / PI);
+    indirect = load_albedo(px + band).rgb * vec3(load_irradiance(px + band)) * (1.0 / PI);
 #endif
-    vec3 direct = load_direct(px).rgb;
+    vec3 direct = load_direct(px + band).rgb;
 #if SHOW == 0
     vec3 color = direct + indirect;
 #elif SHOW == 1

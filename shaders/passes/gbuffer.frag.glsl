@@ -73,7 +73,7 @@ void main() {
     vec2 before = clip_previous.xy / max(clip_previous.w, frame.near * 1e-3);
     // Behind the old camera there is no old pixel: a displacement out of the image says so.
     bool visible_before = clip_previous.w > frame.near * 1e-3;
-    vec2 displacement = visible_before ? (now - before) * 0.5 : vec2(4.0);
+    vec2 displacement = visible_before ? (now - before) * 0.5 * frame.extent : vec2(4.0);
     out_motion = vec4(displacement, clip_previous.z / max(-position_vs.z, 1e-30), 0.0);
     store_outputs();
 #ifdef ALPHA_MASK

@@ -11,7 +11,7 @@ void shade(ivec2 px) {
 
     ivec2 size = size_surface();
     vec4 motion = load_motion(px);
-    vec2 before = vec2(px) + 0.5 - motion.xy * vec2(size);
+    vec2 before = vec2(px) + 0.5 - motion.xy * (vec2(size) / frame.extent);
     float expected_depth = surface.view_depth * motion.z;
     vec3 expected = position_from_ray(ray_from_pixel(before, frame.previous_ray_scale, frame.previous_ray_origin),
                                       expected_depth);

@@ -80,9 +80,10 @@ class Target:
         extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
             gather: starting level to the last; start: the starting level. reduction: no part of the pyramid; level 0
             is a single texel, each further one is eight times as wide and high, and the last an eighth of the image.
-        exists: Whether it is allocated under given settings.
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
+        exists: Whether it is allocated under given settings.
+        cropped: It has the image's size, without the guard band.
     """
 
     format: str
@@ -91,6 +92,7 @@ class Target:
     history: bool = False
     optional: bool = False
     exists: Callable[[Settings], bool] = _always
+    cropped: bool = False
 
     def levels(self, settings: Settings) -> range:
         """Levels that exist under these settings."""
@@ -103,7 +105,7 @@ class Target:
                 "reduction": range(REDUCTION_LEVELS)}[self.extent]
 
     def level_size(self, size: tuple[int, int], level: int) -> tuple[int, int]:
-        """Width and height of a level for an image of this size."""
+        """Width and height of a level, where level 0 of the pyramid has this size."""
         if self.extent == "reduction":
             divisor = REDUCTION_STEP ** (REDUCTION_LEVELS - level)
             return -(-size[0] // divisor), -(-size[1] // divisor)
@@ -115,13 +117,34 @@ def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
     return -(-size[0] // 2**level), -(-size[1] // 2**level)
 
 
+def guard_band(size: tuple[int, int], settings: Settings) -> tuple[int, int]:
+    """Pixels that are rendered beyond the image at its left and right, and at its top and bottom.
+
+    Whole texels of the coarsest level, so that the image begins with a texel of its own at every level.
+    """
+    texel = 2**settings.last_level
+    return tuple(-(-side * settings.guard_band // (100 * texel)) * texel for side in size)
+
+
+def rendered_size(size: tuple[int, int], settings: Settings) -> tuple[int, int]:
+    """Size of the image with its guard band."""
+    band = guard_band(size, settings)
+    return size[0] + 2 * band[0], size[1] + 2 * band[1]
+
+
 def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, Target], depth: bool = False
                  ) -> dict[str, int]:
-    """Bytes of each target, all levels and histories together, and of the depth buffer if there is one."""
-    total = {"depth_buffer": _DEPTH_BYTES * size[0] * size[1]} if depth else {}
+    """Bytes of each target, all levels and histories together, and of the depth buffer if there is one.
+
+    Args:
+        size: Of the image; targets have its guard band, too.
+    """
+    rendered = rendered_size(size, settings)
+    total = {"depth_buffer": _DEPTH_BYTES * rendered[0] * rendered[1]} if depth else {}
     for name, target in targets.items():
+        whole = size if target.cropped else rendered
         levels = (*target.levels(settings), *([0] if target.history else []))
-        sizes = [target.level_size(size, level) for level in levels]
+        sizes = [target.level_size(whole, level) for level in levels]
         total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
     return total
 
@@ -130,6 +153,7 @@ class TargetSet:
     """All allocated targets of one image size and one set of settings.
 
     Args:
+        size: Of the image; targets have its guard band, too.
         depth: A depth buffer is needed, too.
 
     Raises:
@@ -140,6 +164,7 @@ class TargetSet:
                  targets: dict[str, Target], depth: bool = False) -> None:
         self._context = context
         self.size = size
+        self._rendered = rendered_size(size, settings)
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._current: dict[tuple[str, int], moderngl.Texture] = {}
         self._previous: dict[str, moderngl.Texture] = {}
@@ -152,7 +177,7 @@ class TargetSet:
                     self._previous[name] = self._create(target, 0)
             if depth:
                 with self._allocating():
-                    self._depth_buffer = context.depth_texture(size)
+                    self._depth_buffer = context.depth_texture(self._rendered)
         except UserError:
             self.release()
             raise
@@ -162,8 +187,9 @@ class TargetSet:
 
     def _create(self, target: Target, level: int) -> moderngl.Texture:
         form = FORMATS[target.format]
+        size = target.level_size(self.size if target.cropped else self._rendered, level)
         with self._allocating():     # each on its own: the first failure ends it
-            texture = self._context.texture(target.level_size(self.size, level), form.components, dtype=form.dtype)
+            texture = self._context.texture(size, form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
         return texture

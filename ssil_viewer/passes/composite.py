@@ -12,16 +12,18 @@ if TYPE_CHECKING:
 
 
 class Composite(ScreenPass):
-    """final = direct + albedo * irradiance / pi, then exposure, tone curve and sRGB encoding."""
+    """final = direct + albedo * irradiance / pi, then exposure, tone curve and sRGB encoding; here the guard band ends.
+    """
 
     name = "composite"
     shader = "passes/composite.glsl"
     reads = {"direct": Read.of("direct"), "albedo": Read.of("albedo", optional=True),
              "irradiance": Read.of("irradiance", "upsample", optional=True)}
     writes = {
-        "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True),
-        "display": Target("rgba8", "the picture, sRGB-encoded"),
+        "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True, cropped=True),
+        "display": Target("rgba8", "the picture, sRGB-encoded", cropped=True),
     }
+    uniforms = {"band": "ivec2"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect")),
@@ -33,4 +35,4 @@ class Composite(ScreenPass):
             defines.append(("WRITE_FINAL", ""))
         else:
             omit.add("final")
-        yield Dispatch(0, {}, tuple(defines), frozenset(omit))
+        yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit))

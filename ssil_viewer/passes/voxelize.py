@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from ssil_viewer.gpu.targets import Target, level_size
+from ssil_viewer.gpu.targets import Target, level_size, rendered_size
 from ssil_viewer.passes.base import Pass, Read
 from ssil_viewer.settings import Settings
 
@@ -51,7 +51,7 @@ class Voxelize(Pass):
         frame.context.enable_only(moderngl.NOTHING)
         frame.framebuffer(self, depth=False, level=level).use()
         frame.clear(self, depth=False, level=level)
-        size = frame.runner.size
+        size = rendered_size(frame.runner.size, settings)
         texels = level_size(size, level)
         # At odd sizes the last texel of the level hangs over the image's edge
         covered = tuple(side / (count * 2**level) for side, count in zip(size, texels))

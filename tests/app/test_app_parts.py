@@ -69,6 +69,15 @@ def test_tooltips_say_what_a_setting_does_its_range_and_its_flag(name):
         assert f"{info.knob.high:g}" in text
 
 
+def test_sliders_write_numbers_with_their_unit():
+    """As printf does: a percent sign is written twice."""
+    for info in KNOBS.values():
+        if info.type in (int, float):
+            shown = f"{'7' if info.type is int else '7.00'} {info.knob.unit}".strip()
+            assert settings_panel.number_format(info) % 7 == shown
+    assert settings_panel.number_format(KNOBS["guard_band"]) == "%d %%"
+
+
 def test_saved_settings_load_as_the_same(tmp_path):
     settings = Settings(samples=16, radius=12.5, temporal=False, tone_map="linear", exposure=-1.5)
     saved_view.save_settings(tmp_path / "mine.toml", settings)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ssil_viewer.scene.model import Camera, Instance, Mesh, Scene
+from ssil_viewer.scene.model import Camera, Image, Instance, Material, Mesh, Scene, TextureRef
 from tests import scenes
+from tests.occluders import Occluders
 from tests.reference import compare_with_sum, random_blocks, read_surfaces
 from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, on_floor, polygon_irradiance
-from tests.visible_reference import Occluders, compare_with_visible_sum, references, seen_points, sums
+from tests.visible_reference import compare_with_visible_sum, references, seen_points, sums
 
 UP = np.array((0.0, 1.0, 0.0))
 EMITTER_Z, WALL_Z, WALL_HEIGHT, TOP = -0.6, -0.2, 0.1, 0.9
@@ -85,6 +88,25 @@ def test_rays_end_within_their_texel(make_renderer):
     assert (np.abs(points - centres)[:, :2].max(-1) / texel).max() < 0.6
     # Of these coarse texels, many hold an edge, where they stand for two surfaces
     assert np.median(off_plane / texel) < 0.02
+
+
+@pytest.mark.parametrize("wrap, open_at", [("repeat", (0, 1, 0, 1, 0, 1)), ("clamp", (0, 0, 0, 1, 1, 1)),
+                                           ("mirror", (1, 0, 0, 1, 1, 0))])
+def test_masks_have_holes(wrap, open_at):
+    """Two curtains one behind the other whose texture, a texel of alpha 1 and one of 0, covers the second third of
+    their width; rays pass where it is 0, and stop at a wall behind both."""
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 1, 3] = 0
+    cloth = Material(alpha_mode="mask", double_sided=True, base_color_texture=TextureRef(
+        0, wrap_u=wrap, scale=(3.0, 1.0), offset=(-1.0, 0.0)))
+    curtains = [scenes.rectangle((0, 0, z), (6, 0, 0), (0, 1, 0)) for z in (-2, -3)]
+    wall = scenes.rectangle((0, 0, -5), (6, 0, 0), (0, 1, 0), 1)
+    scene = replace(scenes.scene((*curtains, wall), (cloth, BLACK)), images=(Image("mask", pixels),))
+    occluders = Occluders(scene, Camera(eye=(0, 0, 0), target=(0, 0, -1)))
+    at = np.stack([np.arange(6) + 0.5, np.full(6, 0.5), np.full(6, -1.0)], -1)
+    assert np.array_equal(occluders.between(at, at - (0, 0, 3)), ~np.array(open_at, bool))
+    assert occluders.between(at, at - (0, 0, 5)).all()
+    assert not occluders.between(at, at - (0, 0, 0.5)).any()
 
 
 def test_few_rays_are_right_in_the_mean(make_renderer):

@@ -76,6 +76,12 @@ def tooltip(info: KnobInfo) -> str:
     return "\n".join(lines)
 
 
+def number_format(info: KnobInfo) -> str:
+    """How a slider writes its value, in printf's language."""
+    unit = info.knob.unit.replace("%", "%%")
+    return f"{'%d' if info.type is int else '%.2f'} {unit}".rstrip()
+
+
 def _group_order(info: KnobInfo) -> int:
     """Groups in the order in which the definition mentions them first."""
     return list(dict.fromkeys(i.knob.group for i in knobs())).index(info.knob.group)
@@ -109,7 +115,7 @@ def _widget(info: KnobInfo, value: Any) -> tuple[bool, Any]:
     if info.type is int and knob.high - knob.low > _MOST_SLIDER_STEPS:
         return imgui.input_int(name, value)
     if info.type is int:
-        changed, new = imgui.slider_int(name, value, int(knob.low), int(knob.high), f"%d {knob.unit}".rstrip(), flags)
+        changed, new = imgui.slider_int(name, value, int(knob.low), int(knob.high), number_format(info), flags)
         new = int(knob.low) + round((new - knob.low) / knob.step) * knob.step
         return changed and new != value, new
-    return imgui.slider_float(name, value, knob.low, knob.high, f"%.2f {knob.unit}".rstrip(), flags)
+    return imgui.slider_float(name, value, knob.low, knob.high, number_format(info), flags)
