@@ -41,9 +41,9 @@ class Gather(ScreenPass):
         unread = {"voxels", "voxels_far", "depth_range"}
         if frame.settings.visibility == "voxel":
             unread = {"voxels_far"} if frame.settings.voxel_slices == 128 else set()
-        # Rows of about as many samples as there are rows
-        directions = math.isqrt(frame.settings.samples)
-        rows = {"directions": directions, "steps": frame.settings.samples // directions}
+        # Twice as many rows as each has samples: measured, see docs/method/gather.md
+        steps = max(math.isqrt(frame.settings.samples // 2), 1)
+        rows = {"directions": frame.settings.samples // steps, "steps": steps}
         first = frame.settings.start_level
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
