@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.embed import IndirectLighting
 from ssil_viewer.errors import UserError
 from ssil_viewer.passes.voxelize import slices_of
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Mesh, Primitive, TextureRef
+from ssil_viewer.settings import Settings
 from tests import scenes
 
 # Odd sizes: the last texel of a row hangs over the edge at every level
@@ -321,6 +323,11 @@ def test_voxels_exist_only_when_asked_for(make_renderer):
     renderer.set_settings(replace(renderer.settings, voxel_slices=256))
     renderer.render(scenes.CORNELL_CAMERA)
     assert renderer.read_stored("voxels_far", 2).any()
+
+
+def test_a_g_buffer_without_triangles_is_refused(context):
+    with pytest.raises(UserError, match="voxels need the scene's triangles"):
+        IndirectLighting(context, SIZE, Settings(visibility="voxel"))
 
 
 def test_moved_bodies_are_where_they_went(make_renderer):
