@@ -225,10 +225,10 @@ class Renderer:
         found = []
         if names := self._light_table.unshadowed:
             found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
-        if self._gpu_scene is not None and self._gpu_scene.solids is not None:
-            if names := self._gpu_scene.solids.open_meshes:
-                found.append(f"{len(names)} meshes are not closed, only their surfaces block indirect light: "
-                             f"{', '.join(names[:5])}")
+        solids = self._gpu_scene.solids if self._gpu_scene is not None else None
+        if solids is not None and (names := solids.open_meshes):
+            which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"
+            found.append(f"{which} not closed, there surfaces alone block indirect light: {', '.join(names[:5])}")
         return found
 
     def target_bytes(self) -> dict[str, int]:

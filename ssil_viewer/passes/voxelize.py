@@ -27,8 +27,8 @@ def _uses_far_half(settings: Settings) -> bool:
 class Voxelize(Pass):
     """One bit for each texel of the starting level and each depth slice: whether something is there.
 
-    Slices are evenly spaced in the logarithm of view depth, over the range that is visible. Of solid bodies a bit is set
-    where the slice's centre lies inside; of open surfaces where a fragment lies in the slice.
+    Slices are evenly spaced in the logarithm of view depth, over the range that is visible. Of solid bodies a bit is
+    set where the slice's centre lies inside; of open surfaces where a fragment lies in the slice.
 
     Source: Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications".
     """

@@ -15,8 +15,8 @@ def solid_triangles(mesh: Mesh, opaque: np.ndarray) -> np.ndarray:
     """Triangles of the pieces of a mesh that are closed and look outwards.
 
     Vertices at the same position are one. Pieces are what hangs together by shared vertices. A piece is closed when
-    each of its edges is passed equally often in both directions, and a body when its faces look outwards, all of them are
-    opaque, and it has a volume. A room whose faces look inwards is closed, too, but its inside is empty.
+    each of its edges is passed equally often in both directions, and a body when its faces look outwards, all of them
+    are opaque, and it has a volume. A room whose faces look inwards is closed, too, but its inside is empty.
 
     Args:
         mesh: The mesh.
@@ -87,8 +87,8 @@ def _pieces(triangles: np.ndarray, vertices: int) -> np.ndarray:
 def _edge_balance(triangles: np.ndarray, piece: np.ndarray, pieces: int) -> np.ndarray:
     """(pieces,) int64: 0 where each edge is passed equally often in both directions.
 
-    Each edge has a random number that counts plus in one direction and minus in the other. That a sum of unmatched ones is
-    zero has a probability of 2^-64.
+    Each edge has a random number that counts plus in one direction and minus in the other. That a sum of unmatched
+    ones is zero has a probability of 2^-64.
     """
     balance = np.zeros(pieces, np.int64)
     for start, end in ((0, 1), (1, 2), (2, 0)):

@@ -139,8 +139,9 @@ def test_a_thousand_frames_create_no_object(make_renderer, context, monkeypatch)
     assert np.isfinite(renderer.read("indirect")).all()
 
 
-def test_target_bytes_per_pixel(make_renderer):
-    renderer = make_renderer(scenes.cornell(), (1280, 720))
+@pytest.mark.parametrize("settings", [{}, {"visibility": "voxel", "voxel_slices": 256}], ids=["defaults", "voxels"])
+def test_target_bytes_per_pixel(make_renderer, settings):
+    renderer = make_renderer(scenes.cornell(), (1280, 720), **settings)
     without_final = {name: count for name, count in renderer.target_bytes().items() if name != "final"}
     assert sum(without_final.values()) / (1280 * 720) <= 96
 
