@@ -127,7 +127,8 @@ class Renderer:
         Raises:
             UserError: The render targets cannot be allocated; the old settings stay then.
         """
-        shadows_change = settings.shadow_resolution != self.settings.shadow_resolution
+        shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
+                          != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
         self._runner.set_settings(settings)
         self._lights_moved |= shadows_change
 
@@ -157,7 +158,7 @@ class Renderer:
             stale = self._lights_moved or moved
             if stale:
                 lights.update(self.lights, gpu_scene.origin, gpu_scene.bounds, self.settings.shadow_resolution,
-                              self.capabilities.max_texture_size)
+                              self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
             frame = SceneFrame(self._runner, self.settings, self._runner.radius, lights.textures,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)

@@ -20,3 +20,12 @@ vec3 brdf_ggx(vec3 f0, float roughness, vec3 n, vec3 wo, vec3 wi) {
                 + n_dot_v * sqrt(n_dot_l * n_dot_l * (1.0 - a2) + a2);
     return fresnel_schlick(f0, max(dot(wo, h), 0.0)) * (distribution * 0.5 / smith);
 }
+
+// Highlight of an area of even radiance, over that radiance, from its irradiance over radiance and its representative
+// direction. The distribution is widened by the area's extent (sin^2 of its half angle) and lowered in proportion (Karis
+// 2013); a mirror shows no more than the area's own radiance.
+vec3 area_highlight(vec3 f0, float roughness, vec3 n, vec3 wo, vec3 wi, float irradiance, float extent) {
+    float alpha = max(roughness * roughness, 2e-3);
+    float lowered = alpha / min(alpha + 0.5 * sqrt(extent), 1.0);
+    return min(brdf_ggx(f0, roughness, n, wo, wi) * (irradiance * lowered * lowered), vec3(1.0));
+}

@@ -1,4 +1,4 @@
-// Direct light of every punctual light, with shadows. Writes the colour to be shown and, apart from it, the
+// Direct light of every light, with shadows. Writes the colour to be shown and, apart from it, the
 // diffuse exitant radiance that the gather reads: what the camera sees as a highlight is not what a
 // neighbouring surface receives.
 #include "lib/brdf.glsl"
@@ -25,6 +25,17 @@ void shade(ivec2 px) {
     for (int i = 0; i < frame.light_count; ++i) {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
+        if (is_area(light)) {
+            float gathered = area_irradiance(light, position, n);
+            if (gathered <= 0.0) continue;
+            vec3 seen = light.intensity * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n);
+            vec3 to_point = representative_point(light, position, reflect(-wo, n));
+            wi = normalize(to_point);
+            irradiance += seen * gathered;
+            highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, wi, gathered,
+                                               area_extent(light, to_point));
+            continue;
+        }
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
