@@ -84,11 +84,11 @@ float filtered_shadow(sampler2DShadow atlas, vec4 rect, TilePoint point, float s
 
 // What arrives at `position` from one view, 0 to 1. The receiver is moved off its surface along the normal by the
 // texel's size there, which removes acne without the peter-panning of a depth bias.
-// texel: world size of a texel of the tile at the receiver.
-float tile_shadow(sampler2DShadow atlas, sampler2D tiles, int tile, vec3 position, vec3 n, float n_dot_l, float texel,
+// slope: cosine between the normal and the direction along which the texel's size is `texel`, at the receiver, metres.
+float tile_shadow(sampler2DShadow atlas, sampler2D tiles, int tile, vec3 position, vec3 n, float slope, float texel,
                   float spread) {
     vec4 rect = texelFetch(tiles, ivec2(4, tile), 0);      // atlas uv of the tile's corner, uv size, atlas texel
-    float sine = sqrt(max(1.0 - n_dot_l * n_dot_l, 0.0));
+    float sine = sqrt(max(1.0 - slope * slope, 0.0));
     vec3 moved = position + n * (texel * (0.5 + (1.0 + spread) * sine));
     TilePoint point = project_to_tile(tiles, tile, rect, moved);
     return point.inside ? filtered_shadow(atlas, rect, point, spread) : 1.0;
@@ -142,16 +142,22 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 posi
         float weight = emitted * received / (squared * (squared + part));
         // The tile whose axis goes most along the way: the three are at right angles, tilted alike off the outward normal
         vec4 there = vec4(position, 1.0);
-        float along = dot(texelFetch(tiles, ivec2(3, tile), 0), there);
-        float second = dot(texelFetch(tiles, ivec2(3, tile + 1), 0), there);
-        float third = dot(texelFetch(tiles, ivec2(3, tile + 2), 0), there);
-        if (second > along && second >= third) { tile += 1; along = second; }
-        else if (third > along) { tile += 2; along = third; }
+        vec4 axis = texelFetch(tiles, ivec2(3, tile), 0);
+        float along = dot(axis, there);
+        int best = tile;
+        for (int k = 1; k < AREA_TILES; ++k) {
+            vec4 other = texelFetch(tiles, ivec2(3, tile + k), 0);
+            float way = dot(other, there);
+            if (way > along) {
+                along = way;
+                axis = other;
+                best = tile + k;
+            }
+        }
         float texel = texelFetch(tiles, ivec2(5, tile), 0).x * max(along, 0.0);
         // Neighbouring points' shadows must overlap, or their edges are seen one by one
         float spread = clamp(0.5 * point.w / max(texel, 1e-30), 1.0, 3.0);
-        float n_dot_l = received * inversesqrt(squared);
-        lit += weight * tile_shadow(atlas, tiles, tile, position, n, n_dot_l, texel, spread);
+        lit += weight * tile_shadow(atlas, tiles, best, position, n, dot(axis.xyz, n), texel, spread);
         total += weight;
     }
     return total > 0.0 ? lit / total : 1.0;
