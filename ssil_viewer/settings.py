@@ -152,7 +152,7 @@ class Settings:
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
         128, 8192, "texels", log=True, group="Shadows")] = 2048
     area_shadow_samples: Annotated[int, Knob(
-        "Points on each area light from which its shadow is drawn. More make smoother penumbrae; each costs three "
+        "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother penumbrae; each costs three "
         "shadow maps when something moves, and their lookups in every pixel that the light reaches.",
         1, 16, group="Shadows")] = 9
     seed: Annotated[int, Knob(

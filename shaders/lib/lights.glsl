@@ -56,45 +56,42 @@ vec3 light_irradiance(Light light, vec3 position, out vec3 wi) {
     return light.intensity * falloff;
 }
 
-// Position in a tile's view, and whether the tile shows it.
-struct TilePoint {
-    vec2 uv;            // in the atlas
-    float depth;
-    bool inside;
+// A tile of the atlas: its view, and its place (uv of the corner, uv size, uv size of a texel).
+struct Tile {
+    mat4 clip_from_world;
+    vec4 rect;
 };
 
-TilePoint project_to_tile(sampler2D tiles, int tile, vec4 rect, vec3 position) {
-    vec4 p = vec4(position, 1.0);
-    vec4 clip = vec4(dot(texelFetch(tiles, ivec2(0, tile), 0), p), dot(texelFetch(tiles, ivec2(1, tile), 0), p),
-                     dot(texelFetch(tiles, ivec2(2, tile), 0), p), dot(texelFetch(tiles, ivec2(3, tile), 0), p));
-    vec3 ndc = clip.xyz / max(clip.w, 1e-30);
-    return TilePoint(rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z, clamp(ndc.z * 0.5 + 0.5, 0.0, 1.0),
-                     clip.w > 0.0 && all(lessThanEqual(abs(ndc.xy), vec2(1.0))));
+Tile fetch_tile(sampler2D tiles, int tile) {
+    return Tile(transpose(mat4(texelFetch(tiles, ivec2(0, tile), 0), texelFetch(tiles, ivec2(1, tile), 0),
+                               texelFetch(tiles, ivec2(2, tile), 0), texelFetch(tiles, ivec2(3, tile), 0))),
+                texelFetch(tiles, ivec2(4, tile), 0));
 }
 
-// Four bilinear comparisons, `spread` texels to each side.
-float filtered_shadow(sampler2DShadow atlas, vec4 rect, TilePoint point, float spread) {
+vec3 tile_ndc(Tile tile, vec3 position) {
+    vec4 clip = tile.clip_from_world * vec4(position, 1.0);
+    return clip.w > 0.0 ? clip.xyz / clip.w : vec3(2.0);    // behind is outside
+}
+
+// Four bilinear comparisons, `spread` texels to each side: 0 to 1. slope: change of depth with uv over the texels.
+float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, vec2 slope) {
+    if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
     vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
+    vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
     float lit = 0.0;
     for (int y = -1; y <= 1; y += 2)
-        for (int x = -1; x <= 1; x += 2)
-            lit += textureLod(atlas, vec3(clamp(point.uv + vec2(x, y) * (spread * rect.w), low, high), point.depth), 0.0);
+        for (int x = -1; x <= 1; x += 2) {
+            vec2 at = clamp(uv + vec2(x, y) * (spread * rect.w), low, high);
+            float depth = clamp(ndc.z * 0.5 + 0.5 + dot(slope, at - uv), 0.0, 1.0);
+            lit += textureLod(atlas, vec3(at, depth), 0.0);
+        }
     return lit * 0.25;
 }
 
-// What arrives at `position` from one view, 0 to 1. The receiver is moved off its surface along the normal by the
-// texel's size there, which removes acne without the peter-panning of a depth bias.
-// slope: cosine between the normal and the direction along which the texel's size is `texel`, at the receiver, metres.
-float tile_shadow(sampler2DShadow atlas, sampler2D tiles, int tile, vec3 position, vec3 n, float slope, float texel,
-                  float spread) {
-    vec4 rect = texelFetch(tiles, ivec2(4, tile), 0);      // atlas uv of the tile's corner, uv size, atlas texel
-    float sine = sqrt(max(1.0 - slope * slope, 0.0));
-    vec3 moved = position + n * (texel * (0.5 + (1.0 + spread) * sine));
-    TilePoint point = project_to_tile(tiles, tile, rect, moved);
-    return point.inside ? filtered_shadow(atlas, rect, point, spread) : 1.0;
-}
+float sine_of(float cosine) { return sqrt(max(1.0 - cosine * cosine, 0.0)); }
 
-// Share of a punctual light that arrives: 16 texels of one tile.
+// Share of a punctual light that arrives: 16 texels of one tile. The receiver is moved off its surface along the normal
+// by the texel's size there, which removes acne without the peter-panning of a depth bias.
 float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n, vec3 wi) {
     if (light.first_tile < 0) return 1.0;
     int tile = light.first_tile;
@@ -106,7 +103,9 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
     }
     vec4 sizes = texelFetch(tiles, ivec2(5, tile), 0);     // world size of a texel: at unit distance, constant
     float texel = light.kind == LIGHT_DIRECTIONAL ? sizes.y : sizes.x * length(position - light.position);
-    return tile_shadow(atlas, tiles, tile, position, n, clamp(dot(n, wi), 0.0, 1.0), texel, 1.0);
+    vec3 moved = position + n * (texel * (0.5 + 2.0 * sine_of(clamp(dot(n, wi), 0.0, 1.0))));
+    Tile view = fetch_tile(tiles, tile);
+    return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, vec2(0.0));
 }
 
 // E / L of an area, before shadows.
@@ -125,6 +124,18 @@ float area_size(Light light) {
 }
 
 const int AREA_TILES = 3;   // of each point: they cover the side to which it emits
+
+// Change of depth with atlas uv over the plane through a point: planes stay planes in normalised device coordinates.
+vec2 plane_slope(Tile tile, vec3 position, vec3 n, float texel) {
+    vec3 a = cross(n, abs(n.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 0.0, 1.0)) * texel, b = cross(n, a);
+    vec3 here = tile_ndc(tile, position);
+    vec3 first = tile_ndc(tile, position + a) - here, second = tile_ndc(tile, position + b) - here;
+    float area = first.x * second.y - first.y * second.x;
+    // Edge-on there is no such slope: the texels of the filter then keep the middle's depth
+    if (abs(area) < 0.05 * length(first) * length(second)) return vec2(0.0);
+    vec2 slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / area;
+    return slope / tile.rect.z;     // depth is half of ndc, uv half of ndc times the tile's size
+}
 
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
 float area_shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n) {
@@ -157,7 +168,12 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 posi
         float texel = texelFetch(tiles, ivec2(5, tile), 0).x * max(along, 0.0);
         // Neighbouring points' shadows must overlap, or their edges are seen one by one
         float spread = clamp(0.5 * point.w / max(texel, 1e-30), 1.0, 3.0);
-        lit += weight * tile_shadow(atlas, tiles, best, position, n, dot(axis.xyz, n), texel, spread);
+        // Off its surface by a part of a texel, and each comparison with the depth of the receiver's own plane there: a
+        // wide filter would otherwise need an offset that moves the shadow
+        Tile view = fetch_tile(tiles, best);
+        vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
+        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread,
+                                        plane_slope(view, moved, n, texel));
         total += weight;
     }
     return total > 0.0 ? lit / total : 1.0;

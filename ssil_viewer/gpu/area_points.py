@@ -17,7 +17,7 @@ _OFFSET = 1e-3
 def area_frame(light: Light) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors (u, v, direction) of a light: along a rectangle's width, its height, and its emission.
 
-    They are right-handed as u x v = -direction: seen from the lit side, u points to the right and v up.
+    They are right-handed as u x v = direction: seen from the lit side, u points to the right and v up.
     """
     direction = _unit(np.asarray(light.direction, np.float64), np.array((0.0, -1.0, 0.0)))
     up = np.asarray(light.up, np.float64)
@@ -45,27 +45,32 @@ def area_points(light: Light, count: int) -> tuple[np.ndarray, np.ndarray]:
         (N, 3) positions relative to the light's, and (N, 3) unit normals of the side that emits.
     """
     u, v, direction = area_frame(light)
-    first = (np.arange(count) + 0.5) / count
-    second = (np.arange(count) * _GOLDEN + 0.5) % 1.0
+    golden = (np.arange(count) * _GOLDEN + 0.5) % 1.0
+    # Even steps along both sides, the second in the golden sequence's order
+    square = (np.stack([np.arange(count), np.argsort(np.argsort(golden))], axis=1) + 0.5) / count
     if light.kind == "sphere":
-        turn, height = 2.0 * np.pi * second, 1.0 - 2.0 * first
+        turn, height = 2.0 * np.pi * golden, 1.0 - 2.0 * square[:, 0]
         flat = np.sqrt(1.0 - height**2)
         normals = np.stack([flat * np.cos(turn), height, flat * np.sin(turn)], axis=1)
         return normals * light.radius * (1.0 + _OFFSET), normals
     if light.kind == "disc":
-        radius, turn = light.radius * np.sqrt(first), 2.0 * np.pi * second
-        places = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+        places = light.radius * _disc_from_square(square)
     else:
-        # Second numbers in even steps too, in the golden lattice's order
-        order = np.argsort(np.argsort(second))
-        places = np.stack([(first - 0.5) * light.width, ((order + 0.5) / count - 0.5) * light.height], axis=1)
+        places = (square - 0.5) * (light.width, light.height)
     offset = _OFFSET * math.sqrt(area_size(light))
     return places @ np.stack([u, v]) + direction * offset, np.tile(direction, (count, 1))
 
 
+def point_count(light: Light, samples: int) -> int:
+    """Points that a light has: on a sphere twice as many, since a receiver faces half of them."""
+    return samples * (2 if light.kind == "sphere" else 1)
+
+
 def point_spacing(light: Light, count: int) -> float:
     """Distance between the steps of the shadow that such points cast, seen on the light; metres."""
-    return math.sqrt(area_size(light) / (2.0 if light.kind == "sphere" else 1.0)) / count
+    if light.kind == "sphere":
+        return math.sqrt(math.pi) * light.radius / (count / 2)
+    return math.sqrt(area_size(light)) / count
 
 
 def hemisphere_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,6 +87,16 @@ def hemisphere_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
         flat = np.cos(turn) * a + np.sin(turn) * b
         axes.append(normal / np.sqrt(3.0) + flat * np.sqrt(2.0 / 3.0))
     return axes[0], axes[1], axes[2]
+
+
+def _disc_from_square(square: np.ndarray) -> np.ndarray:
+    """(N, 2) in the unit square to the unit disc, equal areas to equal areas (Shirley and Chiu 1997)."""
+    x, y = (2.0 * square - 1.0).T
+    wide = np.abs(x) > np.abs(y)
+    radius = np.where(wide, x, y)
+    safe = np.where(radius == 0.0, 1.0, radius)
+    turn = np.where(wide, y / safe * np.pi / 4, np.pi / 2 - x / safe * np.pi / 4)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
 
 
 def _unit(vector: np.ndarray, fallback: np.ndarray) -> np.ndarray:

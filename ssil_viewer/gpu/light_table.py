@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.area_points import TILES_PER_POINT, area_frame, area_points, hemisphere_axes, point_spacing
+from ssil_viewer.gpu.area_points import TILES_PER_POINT, area_frame, area_points, hemisphere_axes, point_count, point_spacing
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
-from ssil_viewer.scene.model import AREA_KINDS, Light
+from ssil_viewer.scene.model import Light
 
 LIGHT_TEXELS = 5
 TILE_TEXELS = 7
@@ -136,7 +136,7 @@ class LightTable:
             if light.is_area:
                 u, _, row[1, :3] = area_frame(light)
                 row[3, 2:] = (light.width / 2, light.height / 2) if light.kind == "rectangle" else light.radius
-                row[4] = (*u, area_samples)
+                row[4] = (*u, point_count(light, area_samples))
             for (matrix, at_unit_distance, constant, point), side in zip(_views(light, position, bounds, light_sides),
                                                                          light_sides):
                 corner = corners[len(tiles)]
@@ -190,7 +190,8 @@ class LightTable:
         """Sides of each light's tiles. All are halved until they fit four directional maps' area; lights
         that would get less than `_SMALLEST_TILE` go without, the last ones first."""
         relative = {"directional": (1, 1), "spot": (2, 1), "point": (4, 6)}
-        relative |= dict.fromkeys(AREA_KINDS, (4, TILES_PER_POINT * area_samples))
+        relative |= {light.kind: (4, TILES_PER_POINT * point_count(light, area_samples))
+                     for light in lights if light.is_area}
         side_limit = min(max_size, 8192)
         budget = min((2 * resolution) ** 2, side_limit**2)
         scale, shadowed = 1, [light.cast_shadow for light in lights]
