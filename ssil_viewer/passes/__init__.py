@@ -8,11 +8,13 @@ from ssil_viewer.passes.gbuffer import GBuffer
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
 from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
 from ssil_viewer.passes.shadows import Shadows
+from ssil_viewer.passes.sky import Sky, SkyFilter
 from ssil_viewer.passes.temporal import Temporal
 from ssil_viewer.passes.upsample import Upsample
 
-FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Direct, MipmapRadiance, Gather, Upsample, Temporal,
-                                 Composite)
+FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, MipmapRadiance, Gather, Upsample,
+                                 Temporal, Composite)
 
 __all__ = ["FRAME", "Composite", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "MipmapRadiance", "Pass", "Read", "ScreenPass", "Shadows", "Temporal", "Upsample"]
+           "MipmapRadiance", "Pass", "Read", "ScreenPass", "Shadows", "Sky", "SkyFilter",
+           "Temporal", "Upsample"]

@@ -20,6 +20,7 @@ class Mipmap(ScreenPass):
     """
 
     name = "mipmap"
+    serves = frozenset({"environment"})     # whose occlusion is looked for on coarse surfaces
     shader = "passes/mipmap.glsl"
     reads = {"surface": Read.of("surface", offset=-1),
              "finer_winner": Read.of("winner", offset=-1, optional=True)}

@@ -13,6 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from ssil_viewer.scene.environment import Environment
+
 Wrap = Literal["repeat", "clamp", "mirror"]
 AlphaMode = Literal["opaque", "mask", "blend"]
 LightKind = Literal["directional", "point", "spot", "rectangle", "disc", "sphere"]
@@ -207,6 +209,7 @@ class Scene:
         name: What the user typed, for titles and reports.
         materials: At least one when there is a mesh; index 0 need not be a default.
         background: Radiance shown where no surface is, linear RGB. It is a backdrop: it lights nothing.
+        environment: Light from far away in every direction, which also replaces the backdrop; no file format sets it.
         animations: Names of the animations in the file.
         warnings: One sentence for each thing that was dropped, replaced or approximated.
     """
@@ -219,6 +222,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     cameras: tuple[Camera, ...] = ()
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    environment: Environment | None = None
     animations: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default_factory=tuple)
 
