@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     target = output.check_target(args.output, FORMATS)
     view = _parse_view(args.view) if args.view is not None else None
     settings = shared.settings_of(args)
-    scene = shared.load(args.scene)
+    scene = shared.load(args)
     camera = shared.camera_of(args, scene)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
@@ -160,6 +160,7 @@ def _metadata(
     return {
         "version": __version__,
         "scene": scene.name,
+        "environment": scene.environment.name if scene.environment else "",
         "size": list(args.size),
         "frames": frames,
         "settings": dataclasses.asdict(settings),
