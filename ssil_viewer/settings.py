@@ -152,8 +152,8 @@ class Settings:
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
         128, 8192, "texels", log=True, group="Shadows")] = 2048
     area_shadow_samples: Annotated[int, Knob(
-        "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother penumbrae; each costs three "
-        "shadow maps when something moves, and their lookups in every pixel that the light reaches.",
+        "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother "
+        "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",
         1, 16, group="Shadows")] = 9
     environment_strength: Annotated[float, Knob(
         "Brightness of the environment map, in stops; 0 leaves it as the file has it.",
@@ -169,7 +169,7 @@ class Settings:
         1, 64, group="Environment")] = 16
     sky_thickness: Annotated[float, Knob(
         "Assumed thickness of what hides the environment, as a share of its distance from the camera. Less lets light "
-        "pass behind thin things, and leak through walls.", 0.0, 10.0, log=True, group="Environment")] = 0.1
+        "pass behind thin things, and leak through walls.", 0.001, 10.0, log=True, group="Environment")] = 0.1
     seed: Annotated[int, Knob(
         "Fixes every random choice: same machine, same flags, same bytes.", 0, 2**31 - 1)] = 0
 

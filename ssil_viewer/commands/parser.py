@@ -85,8 +85,8 @@ def add_scene(parser: Parser, default: str | None = None) -> None:
     light = parser.add_argument_group("light")
     light.add_argument("--lights", metavar="FILE", help="a TOML file of lights, in place of the scene's own; see "
                        "docs/lights.md")
-    light.add_argument("--environment", metavar="FILE", help="an equirectangular .hdr or .exr that lights the scene and "
-                       "is its backdrop")
+    light.add_argument("--environment", metavar="FILE", help="an equirectangular .hdr or .exr that lights the "
+                       "scene and is its backdrop")
     if default is None:
         parser.add_argument("scene", metavar="SCENE", help=text)
     else:

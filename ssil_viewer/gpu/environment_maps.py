@@ -25,8 +25,8 @@ class EnvironmentMaps:
     def __init__(self, context: moderngl.Context, environment: Environment, max_size: int) -> None:
         height, width = environment.radiance.shape[:2]
         if max(width, height) > max_size:
-            raise UserError(f"the environment has {width}x{height} pixels, more than this OpenGL takes", environment.name,
-                            f"scale it to at most {max_size}")
+            raise UserError(f"the environment has {width}x{height} pixels, more than this OpenGL takes",
+                            environment.name, f"scale it to at most {max_size}")
         self._context = context
         self.textures: dict[str, moderngl.Texture] = {}
         try:

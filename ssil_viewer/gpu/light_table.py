@@ -9,7 +9,14 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.area_points import TILES_PER_POINT, area_frame, area_points, hemisphere_axes, point_count, point_spacing
+from ssil_viewer.gpu.area_points import (
+    TILES_PER_POINT,
+    area_frame,
+    area_points,
+    hemisphere_axes,
+    point_count,
+    point_spacing,
+)
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.scene.model import Light

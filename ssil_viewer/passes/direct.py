@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 class Direct(ScreenPass):
     """Light from points, spots, the sun, areas and the environment with shadows, and emission.
 
-    Diffuse: Lambert. Highlights: GGX (Walter et al. 2007); of areas from a representative point, of the environment from
-    its map blurred by roughness (Karis 2013). Only the diffuse part and emission go into the radiance
-    that the gather reads.
+    Diffuse: Lambert. Highlights: GGX (Walter et al. 2007); of areas from a representative point, of the environment
+    from its map blurred by roughness (Karis 2013). Only the diffuse part and emission go into the radiance that the
+    gather reads.
     """
 
     name = "direct"

@@ -27,8 +27,8 @@ class Sky(ScreenPass):
     reads = {"surface": Read.of("surface"),
              **{f"surface_{i}": Read.of("surface", offset=i, optional=True) for i in (1, 2, 3)}}
     tables = {"environment_specular": "sampler2D"}
-    writes = {"sky_noisy": Target("rgba8", "share of the environment's irradiance that arrives, by slices that differ in "
-                                           "each of 4x4 texels", "start")}
+    writes = {"sky_noisy": Target("rgba8", "share of the environment's irradiance that arrives, by slices that "
+                                           "differ in each of 4x4 texels", "start")}
     uniforms = {"texel": "float", "coarsest": "int", "directions": "int", "steps": "int", "thickness": "float"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:

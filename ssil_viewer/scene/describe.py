@@ -25,8 +25,8 @@ def describe(scene: Scene) -> dict[str, Any]:
 
     Returns:
         Keys `name`, `triangles` (drawn, so instances count each time), `vertices` (stored), `meshes`, `instances`,
-        `materials`, `textures`, `lights`, `environment` (or None), `cameras`, `animations`, `bounds` (`min` and `max`, metres) and
-        `warnings`. Angles are degrees.
+        `materials`, `textures`, `lights`, `environment` (or None), `cameras`, `animations`, `bounds` (`min` and `max`,
+        metres) and `warnings`. Angles are degrees.
     """
     low, high = scene.bounds()
     return {

@@ -1,7 +1,7 @@
 """Environment maps: light from far away in every direction, and what the renderer looks up in it.
 
-A map is equirectangular. Its middle column is seen along +Z, the columns to the right of it turn towards -X, the top row
-is +Y: as Mitsuba's envmap has it, and free of mirroring seen from inside.
+A map is equirectangular. Its middle column is seen along +Z, the columns to the right of it turn towards -X, the top
+row is +Y: as Mitsuba's envmap has it, and free of mirroring seen from inside.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Lights from a TOML file: one `[[light]]` table each, with the names and units of `scene.model.Light`, angles in degrees.
+"""Lights from a TOML file: a `[[light]]` table each, names and units of `scene.model.Light`, but angles in degrees.
 
     keep = true             # add to the scene's lights; without it they are replaced
 
@@ -63,6 +63,15 @@ def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise UserError("light must be a list of tables", shown, "begin each with [[light]]")
     return tuple(_light(table, f"{shown}, light {at}") for at, table in enumerate(tables, start=1)), keep
+
+
+def is_light_file(path: Path) -> bool:
+    """Whether a TOML file is one of lights, as far as it can be read."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool({"light", "keep"} & data.keys())
 
 
 def with_lights(scene: Scene, path: str | Path) -> Scene:

@@ -25,7 +25,8 @@ SKY_RADIANCE = (0.35, 0.45, 0.6)
 def shines(scene: Scene) -> bool:
     """Whether the scene has a light, an environment, or a surface that emits."""
     used = {primitive.material for mesh in scene.meshes for primitive in mesh.primitives}
-    return bool(scene.lights) or scene.environment is not None or any(max(scene.materials[index].emission) > 0.0 for index in used)
+    emits = any(max(scene.materials[index].emission) > 0.0 for index in used)
+    return bool(scene.lights) or scene.environment is not None or emits
 
 
 def with_default_light(scene: Scene) -> Scene:

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import time
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import screen_program
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.scene import default_camera, load_scene
-from ssil_viewer.scene.model import Light
+from ssil_viewer.scene.model import Light, LightKind
 from ssil_viewer.settings import Settings
 
 pytestmark = [pytest.mark.window, pytest.mark.skipif(
@@ -465,7 +466,7 @@ def test_every_panel_draws_at_every_scale(viewer, monkeypatch, scale):
     monkeypatch.setattr(widgets, "section", lambda *_, **__: True)
     monkeypatch.setattr(imgui, "tree_node_ex", lambda text, flags: imgui.tree_node(text))
     state = viewer.state
-    state.lights = tuple(Light(kind) for kind in ("point", "spot", "directional"))
+    state.lights = tuple(Light(kind) for kind in get_args(LightKind))
     state.ui_scale = scale
     state.help_open = state.about_open = True
     state.shader_error = "error"
