@@ -17,7 +17,7 @@ from ssil_viewer.scene.model import AREA_KINDS, Light, LightKind
 _KINDS: tuple[LightKind, ...] = ("point", "spot", "directional", "rectangle", "disc", "sphere")
 _UNITS = {"directional": ("W/m\u00b2", "Irradiance facing the light."),
           "point": ("W/sr", "Radiant intensity: irradiance at one metre."),
-          "area": ("W/m\u00b2/sr", "Radiance of the surface. The light itself is not seen: for that, a mesh has to emit.")}
+          "area": ("W/m\u00b2/sr", "Radiance of the surface. It is not seen itself: for that, a mesh has to emit.")}
 _BUTTONS_PER_ROW = 3
 _SMALLEST = 1e-3     # metres
 _MAX_INTENSITY = 1e6
