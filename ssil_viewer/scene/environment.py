@@ -80,8 +80,12 @@ def load_environment(path: str | Path) -> Environment:
     if path.suffix.lower() not in FORMATS:
         raise UserError(f"the environment cannot be a {path.suffix or 'file without ending'}", shown,
                         "give an equirectangular .hdr or .exr")
-    if not path.is_file():
-        raise UserError("the environment does not exist" if not path.exists() else "the environment is no file", shown,
+    try:
+        there, regular = path.exists(), path.is_file()
+    except (OSError, ValueError) as error:      # a name too long, a NUL in it
+        raise UserError("the environment cannot be read", ascii(shown), "check the path") from error
+    if not regular:
+        raise UserError("the environment is no file" if there else "the environment does not exist", shown,
                         "check the path")
     pixels = _read_pixels(path, shown)
     return Environment(shown, *_cleaned(pixels, shown))

@@ -87,8 +87,8 @@ def test_before_a_wall_half_the_sky_goes(make_renderer, stage):
 
 
 def test_what_hides_the_bright_side_counts(make_renderer):
-    """The sky is dark but for one side: a wall before it takes a third of the light; with the bright side at the viewer's
-    back, the same wall takes nothing."""
+    """The sky is dark but for one side: a wall before it takes a third of the light; with the bright side at the
+    viewer's back, the same wall takes nothing."""
     d = direction_of((np.arange(64)[None] + 0.5) / 64, (np.arange(32)[:, None] + 0.5) / 32)
     behind = np.where(d[..., 2] < -0.3, 1.0, 0.0)     # beyond the wall, as the camera sees it
     wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 2, 0))

@@ -55,8 +55,8 @@ def direct_irradiance(renderer) -> np.ndarray:
 
 @pytest.mark.parametrize("place", [(0.0, 0.3), (0.7, 0.0), (-0.4, 0.9)])
 def test_glowing_square_area_light_and_environment_agree(make_renderer, place):
-    """Within 5 % of one another, and the two direct ones within 1 % of the sum over dense points. The gather reaches far
-    at fine levels, so that what is compared is the light and not the error of the rings."""
+    """Within 5 % of one another, and the two direct ones within 1 % of the sum over dense points. The gather reaches
+    far at fine levels, so that what is compared is the light and not the error of the rings."""
     glowing = make_renderer(scenes.scene((FLOOR, SQUARE), MATERIALS), SIZE, samples=512, temporal=False, start_level=1,
                             levels=4, radius=256.0)
     glowing.render(CAMERA)

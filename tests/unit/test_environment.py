@@ -105,8 +105,8 @@ def test_even_light():
 
 
 def test_blurred_levels_hold_the_lobe():
-    """Against the sum over all pixels with the lobe written out, D(h) cos, at two directions; 3 % of the largest, which is
-    what half a pixel of the level makes."""
+    """Against the sum over all pixels with the lobe written out, D(h) cos, at two directions; 3 % of the largest, which
+    is what half a pixel of the level makes."""
     pixels = np.zeros((64, 128, 3), np.float32)
     pixels[20:24, 30:36] = 5.0
     rows, columns = (np.arange(64) + 0.5) / 64, (np.arange(128) + 0.5) / 128
