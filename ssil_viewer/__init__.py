@@ -40,8 +40,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Environment", "IndirectLighting", "Light", "Renderer", "Scene", "Settings", "UserError", "create_headless_context",
-    "default_camera", "load_environment", "load_preset", "load_scene", "load_settings", "render",
+    "Camera", "Environment", "IndirectLighting", "Light", "Renderer", "Scene", "Settings", "UserError",
+    "create_headless_context", "default_camera", "load_environment", "load_preset", "load_scene", "load_settings",
+    "render",
 ]
 
 

@@ -53,7 +53,7 @@ def new_light(kind: LightKind, camera: CameraControl) -> Light:
     """A light that shows in the present view, bright enough at the distance of what the camera looks at."""
     intensity = 3.0 if kind == "directional" else round(camera.distance ** 2, 3)
     if kind in AREA_KINDS:
-        intensity = 30.0     # with the size below, about a point light of that distance squared over ten
+        intensity = 30.0     # with the size below, it gives what a point light would give there
     place = 0.5 * (camera.eye + camera.target)
     direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(camera.forward))
     size = max(0.2 * camera.distance, _SMALLEST)
