@@ -1,6 +1,10 @@
 // Lights and their shadow maps: punctual ones with glTF's units and falloff, and areas of even radiance.
-// Tables: gpu/light_table.py. All positions are in world space.
+// Tables: gpu/light_table.py, punctual lights first. All positions are in world space. AREA_RECTANGLE, AREA_DISC and
+// AREA_SPHERE are defined where there are such lights: code that does not run costs, too.
+#if defined(AREA_RECTANGLE) || defined(AREA_DISC) || defined(AREA_SPHERE)
+#define AREA_LIGHTS
 #include "lib/area_lights.glsl"
+#endif
 
 const int LIGHT_DIRECTIONAL = 0;
 const int LIGHT_POINT = 1;
@@ -18,9 +22,6 @@ struct Light {
     float spot_scale;   // angular falloff: clamp(cos * scale + offset)^2
     float spot_offset;
     int first_tile;     // of the shadow atlas; -1: no shadow
-    int shadow_points;  // on an area
-    vec2 half_size;     // of a rectangle; x: radius of a disc or sphere
-    vec3 u;             // unit vector along a rectangle's width
 };
 
 Light fetch_light(sampler2D table, int index) {
@@ -28,11 +29,8 @@ Light fetch_light(sampler2D table, int index) {
     vec4 b = texelFetch(table, ivec2(1, index), 0);
     vec4 c = texelFetch(table, ivec2(2, index), 0);
     vec4 d = texelFetch(table, ivec2(3, index), 0);
-    vec4 e = texelFetch(table, ivec2(4, index), 0);
-    return Light(int(a.w), a.xyz, b.xyz, c.rgb, b.w, d.x, d.y, int(c.w), int(e.w), d.zw, e.xyz);
+    return Light(int(a.w), a.xyz, b.xyz, c.rgb, b.w, d.x, d.y, int(c.w));
 }
-
-bool is_area(Light light) { return light.kind >= LIGHT_RECTANGLE; }
 
 // Irradiance on a surface that faces the light, before shadows (KHR_lights_punctual).
 // wi: unit vector towards the light.
@@ -108,16 +106,45 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
     return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, vec2(0.0));
 }
 
-// E / L of an area, before shadows.
-float area_irradiance(Light light, vec3 position, vec3 n) {
-    vec3 center = light.position - position;
-    if (light.kind == LIGHT_SPHERE) return sphere_irradiance(center, light.half_size.x, n);
-    if (light.kind == LIGHT_DISC) return disc_irradiance(center, light.half_size.x, light.u, light.direction, n);
-    vec3 v = cross(light.direction, light.u);
-    return rectangle_irradiance(center, light.u * light.half_size.x, v * light.half_size.y, light.direction, n);
+#ifdef AREA_LIGHTS
+struct AreaLight {
+    int kind;
+    vec3 position;
+    vec3 direction;     // of the side that emits
+    vec3 u;             // unit vector along a rectangle's width
+    vec2 half_size;     // of a rectangle; x: radius of a disc or sphere
+    vec3 radiance;
+    int first_tile;     // of the shadow atlas; -1: no shadow
+    int shadow_points;
+};
+
+AreaLight fetch_area_light(sampler2D table, int index) {
+    vec4 a = texelFetch(table, ivec2(0, index), 0);
+    vec4 b = texelFetch(table, ivec2(1, index), 0);
+    vec4 c = texelFetch(table, ivec2(2, index), 0);
+    vec4 d = texelFetch(table, ivec2(3, index), 0);
+    vec4 e = texelFetch(table, ivec2(4, index), 0);
+    return AreaLight(int(a.w), a.xyz, b.xyz, e.xyz, d.zw, c.rgb, int(c.w), int(e.w));
 }
 
-float area_size(Light light) {
+// E / L of an area, before shadows.
+float area_irradiance(AreaLight light, vec3 position, vec3 n) {
+    vec3 center = light.position - position;
+#ifdef AREA_SPHERE
+    if (light.kind == LIGHT_SPHERE) return sphere_irradiance(center, light.half_size.x, n);
+#endif
+#ifdef AREA_DISC
+    if (light.kind == LIGHT_DISC) return disc_irradiance(center, light.half_size.x, light.u, light.direction, n);
+#endif
+#ifdef AREA_RECTANGLE
+    vec3 v = cross(light.direction, light.u);
+    return rectangle_irradiance(center, light.u * light.half_size.x, v * light.half_size.y, light.direction, n);
+#else
+    return 0.0;
+#endif
+}
+
+float area_size(AreaLight light) {
     float r = light.half_size.x;
     if (light.kind == LIGHT_RECTANGLE) return 4.0 * r * light.half_size.y;
     return (light.kind == LIGHT_DISC ? 1.0 : 4.0) * AREA_PI * r * r;
@@ -138,7 +165,7 @@ vec2 plane_slope(Tile tile, vec3 position, vec3 n, float texel) {
 }
 
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
-float area_shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n) {
+float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 position, vec3 n) {
     if (light.first_tile < 0) return 1.0;
     float part = area_size(light) / (AREA_PI * float(light.shadow_points));
     float lit = 0.0, total = 0.0;
@@ -181,7 +208,7 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 posi
 
 // The point of an area that a mirror at `position` would show, or the nearest to it (Karis 2013, "representative
 // point"). reflected: unit vector.
-vec3 representative_point(Light light, vec3 position, vec3 reflected) {
+vec3 representative_point(AreaLight light, vec3 position, vec3 reflected) {
     vec3 center = light.position - position;
     if (light.kind == LIGHT_SPHERE) {
         vec3 nearest = dot(center, reflected) * reflected - center;
@@ -199,9 +226,10 @@ vec3 representative_point(Light light, vec3 position, vec3 reflected) {
 }
 
 // Part of the sphere of directions that an area fills, roughly, over pi: its sin^2 of the half angle if it were a sphere.
-float area_extent(Light light, vec3 to_point) {
+float area_extent(AreaLight light, vec3 to_point) {
     float squared = dot(to_point, to_point);
     if (light.kind == LIGHT_SPHERE) return light.half_size.x * light.half_size.x / squared;
     float facing = max(-dot(light.direction, to_point), 0.0) * inversesqrt(squared);
     return area_size(light) * facing / (AREA_PI * squared);
 }
+#endif

@@ -62,20 +62,9 @@ void shade(ivec2 px) {
     vec3 wo = normalize(world_rotation * -position_vs);
 
     vec3 irradiance = vec3(0.0), highlight = vec3(0.0);
-    for (int i = 0; i < frame.light_count; ++i) {
+    for (int i = 0; i < punctual_lights; ++i) {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
-        if (is_area(light)) {
-            float gathered = area_irradiance(light, position, n);
-            if (gathered <= 0.0) continue;
-            vec3 seen = light.intensity * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n);
-            vec3 to_point = representative_point(light, position, reflect(-wo, n));
-            wi = normalize(to_point);
-            irradiance += seen * gathered;
-            highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, wi, gathered,
-                                               area_extent(light, to_point));
-            continue;
-        }
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
@@ -84,6 +73,18 @@ void shade(ivec2 px) {
             highlight += incoming * brdf_ggx(specular.rgb, specular.a, n, wo, wi);
         }
     }
+#ifdef AREA_LIGHTS
+    for (int i = punctual_lights; i < frame.light_count; ++i) {
+        AreaLight light = fetch_area_light(texture_lights, i);
+        float gathered = area_irradiance(light, position, n);
+        if (gathered <= 0.0) continue;
+        vec3 seen = light.radiance * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n);
+        vec3 to_point = representative_point(light, position, reflect(-wo, n));
+        irradiance += seen * gathered;
+        highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, normalize(to_point), gathered,
+                                           area_extent(light, to_point));
+    }
+#endif
 #ifdef HAS_SKY
     vec3 normal = environment_direction(n, frame.environment_turn);
     vec3 mirror = environment_direction(reflect(-wo, n), frame.environment_turn);

@@ -86,6 +86,8 @@ class LightTable:
         atlas: Depth texture with all shadow maps.
         tiles: Views to render into the atlas.
         count: Number of lights.
+        punctual_count: How many of them have no area; they come first.
+        area_kinds: The kinds of the others.
         unshadowed: Names of lights that found no room in the atlas.
     """
 
@@ -96,7 +98,8 @@ class LightTable:
         self.atlas = self._create_atlas((1, 1))
         self.framebuffer = context.framebuffer(depth_attachment=self.atlas)
         self.tiles: list[Tile] = []
-        self.count = 0
+        self.count = self.punctual_count = 0
+        self.area_kinds: tuple[str, ...] = ()
         self.unshadowed: list[str] = []
 
     @property
@@ -125,6 +128,7 @@ class LightTable:
         Raises:
             UserError: The atlas or a table cannot be allocated; all stays as it was then.
         """
+        lights = sorted(lights, key=lambda light: light.is_area)
         sides = self._tile_sides(lights, resolution, max_size, area_samples)
         corners, atlas_size = _pack_squares([s for light_sides in sides for s in light_sides])
         tiles: list[Tile] = []
@@ -160,6 +164,8 @@ class LightTable:
         self.tiles_table.write(np.array(tile_rows or [np.zeros((TILE_TEXELS, 4))], np.float32).tobytes())
         self.tiles = tiles
         self.count = len(lights)
+        self.punctual_count = sum(not light.is_area for light in lights)
+        self.area_kinds = tuple(sorted({light.kind for light in lights if light.is_area}))
         self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
                            if light.cast_shadow and not s]
 

@@ -8,7 +8,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.pipeline import SceneFrame
 
 
 class Direct(ScreenPass):
@@ -32,10 +32,11 @@ class Direct(ScreenPass):
         "radiance": Target("rgb9e5", "diffuse exitant radiance L = emission + albedo / pi * E_direct, W m^-2 sr^-1",
                            "pyramid"),
     }
-    uniforms = {"start_texel": "float"}
+    uniforms = {"start_texel": "float", "punctual_lights": "int"}
 
-    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        if frame.has_feature("environment"):
-            yield Dispatch(0, {"start_texel": float(2**frame.settings.start_level)})
-        else:
-            yield Dispatch(omit=frozenset({"sky", "start_surface"}))
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        uniforms = {"start_texel": float(2**frame.settings.start_level),
+                    "punctual_lights": frame.lights.punctual_count}
+        defines = tuple((f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds)
+        omit = frozenset() if frame.has_feature("environment") else frozenset({"sky", "start_surface"})
+        yield Dispatch(0, uniforms, defines, omit)
