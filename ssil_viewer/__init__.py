@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ssil_viewer.headless import render
     from ssil_viewer.pipeline import Renderer
     from ssil_viewer.scene import default_camera, load_scene
+    from ssil_viewer.scene.environment import Environment, load_environment
     from ssil_viewer.scene.model import Camera, Light, Scene
     from ssil_viewer.settings import Settings, load_preset, load_settings
 
@@ -22,6 +23,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Camera": "ssil_viewer.scene.model",
+    "Environment": "ssil_viewer.scene.environment",
     "IndirectLighting": "ssil_viewer.embed",
     "Light": "ssil_viewer.scene.model",
     "Renderer": "ssil_viewer.pipeline",
@@ -30,6 +32,7 @@ _HOME = {
     "UserError": "ssil_viewer.errors",
     "create_headless_context": "ssil_viewer.gpu.context",
     "default_camera": "ssil_viewer.scene",
+    "load_environment": "ssil_viewer.scene.environment",
     "load_preset": "ssil_viewer.settings",
     "load_scene": "ssil_viewer.scene",
     "load_settings": "ssil_viewer.settings",
@@ -37,8 +40,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "IndirectLighting", "Light", "Renderer", "Scene", "Settings", "UserError", "create_headless_context",
-    "default_camera", "load_preset", "load_scene", "load_settings", "render",
+    "Camera", "Environment", "IndirectLighting", "Light", "Renderer", "Scene", "Settings", "UserError",
+    "create_headless_context", "default_camera", "load_environment", "load_preset", "load_scene", "load_settings",
+    "render",
 ]
 
 

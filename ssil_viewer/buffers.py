@@ -75,6 +75,7 @@ BUFFERS: dict[str, Buffer] = {
     "gather": Buffer(("gather",)),
     "light": Buffer(("light",)),
     "upsample": Buffer(("upsample",)),
+    "sky": Buffer(("sky",), view=REFLECTANCE),
     "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
 }
 

@@ -20,7 +20,7 @@ from ssil_viewer.frame_uniforms import view_from_matrices
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.gpu.timers import Timings
 from ssil_viewer.pass_runner import Frame, PassRunner
-from ssil_viewer.passes import Gather, ImportGBuffer, Mipmap, Pass, ScreenPass, Temporal, Upsample
+from ssil_viewer.passes import Gather, ImportGBuffer, Mipmap, MipmapRadiance, Pass, ScreenPass, Temporal, Upsample
 from ssil_viewer.settings import Settings
 
 _FLOATS = ("f1", "f2", "f4", "nu1", "nu2", "ni1", "ni2")
@@ -34,7 +34,7 @@ class AnswerIrradiance(Temporal):
         return settings.bounces > 0
 
 
-FRAME: tuple[type[Pass], ...] = (ImportGBuffer, Mipmap, Gather, Upsample, AnswerIrradiance)
+FRAME: tuple[type[Pass], ...] = (ImportGBuffer, Mipmap, MipmapRadiance, Gather, Upsample, AnswerIrradiance)
 
 
 @dataclass(kw_only=True)

@@ -40,6 +40,8 @@ class Frame:
     jitter: Vec2                # shift of the sample pattern: turn and radius, in [0, 1)
     background: Vec3            # radiance of the backdrop
     exposure: Float             # factor on radiance before tone mapping
+    environment_turn: Vec2      # cosine and sine of its rotation about +Y
+    environment_strength: Float
     radius: Float               # of disc and rings, in texels of each level
     near: Float
     far: Float
@@ -160,6 +162,9 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         previous_ray_scale=ray_scale(previous), previous_ray_origin=ray_origin(previous),
         extent=(rendered[0] / size[0], rendered[1] / size[1]), jitter=jitter, background=background,
         exposure=2.0**settings.exposure, radius=radius_texels(settings, size),
+        environment_turn=(math.cos(math.radians(settings.environment_rotation)),
+                          math.sin(math.radians(settings.environment_rotation))),
+        environment_strength=2.0**settings.environment_strength,
         near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
         history_frames=longest if history else 0, voxel_view_slice=settings.voxel_view_slice)
 

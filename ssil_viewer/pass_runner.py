@@ -83,6 +83,10 @@ class Frame:
         """Run a screen pass's shader once."""
         self.runner.dispatch(screen_pass, dispatch, self.tables)
 
+    def has_feature(self, name: str) -> bool:
+        """Whether the scene has something that not every scene has, such as "environment"."""
+        return name in self.runner.features
+
     def has_target(self, name: str, level: int = 0) -> bool:
         """Whether a target is allocated under these settings."""
         return self.runner.targets.has(name, level)
@@ -117,6 +121,7 @@ class PassRunner:
         targets: The textures.
         gl: OpenGL functions that moderngl lacks.
         frame_index: Frames since the history began.
+        features: What the scene has that not every scene has; see `set_features`.
 
     Raises:
         FrameError: The passes do not fit together.
@@ -132,8 +137,10 @@ class PassRunner:
             raise UserError("compute shaders need OpenGL 4.3", f"this is {self.capabilities.version}")
         self.stage: Stage = ("compute" if self.capabilities.compute else "fragment") if stage == "auto" else stage
         self.passes = tuple(make() for make in passes)
-        self.declared = {name: target for name, target in check_frame(self.passes).items()
-                         if not target.optional or name in set(keep)}
+        check_frame(self.passes)
+        self._keep = set(keep)
+        self.features: frozenset[str] = frozenset()
+        self.declared = self._declare()
         self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
         self.settings = settings
@@ -145,6 +152,11 @@ class PassRunner:
         self._timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
         self._bound: dict[int, int] = {}
+
+    def _declare(self) -> dict[str, Target]:
+        """Targets of the passes whose features are there, without the optional ones that nobody asked for."""
+        return {name: target for p in self.passes if p.requires <= self.features for name, target in p.writes.items()
+                if not target.optional or name in self._keep}
 
     def _allocate(self, size: tuple[int, int], settings: Settings) -> TargetSet:
         shown, advice = f"an image of {size[0]}x{size[1]}", "give a smaller one"
@@ -186,6 +198,26 @@ class PassRunner:
         if affected not in (None, "display"):
             self.reset_history()
 
+    def set_features(self, features: Iterable[str]) -> None:
+        """Tell what the scene has, such as "environment": passes that need it run, and their targets exist.
+
+        Raises:
+            UserError: The targets cannot be allocated; all stays as it was then.
+        """
+        before = self.features
+        if (after := frozenset(features)) == before:
+            return
+        self.features = after
+        self.declared = self._declare()
+        try:
+            fresh = self._allocate(self.size, self.settings)
+        except UserError:
+            self.features = before
+            self.declared = self._declare()
+            raise
+        self._replace_targets(fresh)
+        self.reset_history()
+
     def _replace_targets(self, fresh: TargetSet) -> None:
         self.targets.release()
         self.targets = fresh
@@ -217,7 +249,7 @@ class PassRunner:
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
                                          light_count, background, history, moving))
         for p in self.passes:
-            if p.enabled(self.settings):
+            if p.runs(self.settings, self.features):
                 with self._timers.measure(p.name):
                     p.execute(frame)
         self._previous = view
@@ -254,7 +286,8 @@ class PassRunner:
 
     def running_targets(self) -> set[str]:
         """Declared targets of the passes that run under the current settings."""
-        return {name for p in self.passes if p.enabled(self.settings) for name in p.writes if name in self.declared}
+        return {name for p in self.passes if p.runs(self.settings, self.features)
+                for name in p.writes if name in self.declared}
 
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
@@ -264,7 +297,10 @@ class PassRunner:
             if name in dispatch.omit:
                 continue
             target = self._resolve(read, running)
-            level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
+            if read.offset == "start":
+                level = self.settings.start_level
+            else:
+                level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
             reads.append((name, self.declared[target.removesuffix("@previous")].format))
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)

@@ -9,9 +9,11 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
+from ssil_viewer.errors import UserError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.gpu.context import Capabilities
+from ssil_viewer.gpu.environment_maps import EnvironmentMaps
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.present import Presenter
@@ -23,6 +25,7 @@ from ssil_viewer.gpu.timers import Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass
+from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
 
@@ -82,6 +85,8 @@ class Renderer:
         self.context = context
         self.scene: Scene | None = None
         self.lights: tuple[Light, ...] = ()
+        self.environment: Environment | None = None
+        self._environment_maps: EnvironmentMaps | None = None
         self._gpu_scene: GpuScene | None = None
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
@@ -117,8 +122,13 @@ class Renderer:
     # -- what is rendered ------------------------------------------------------------------------------------------
 
     def set_scene(self, scene: Scene) -> None:
-        """Upload a scene and take its lights. On an error the old scene stays."""
+        """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
+        try:
+            self.set_environment(scene.environment)
+        except UserError:
+            fresh.release()
+            raise
         if self._gpu_scene is not None:
             self._gpu_scene.release()
         self._gpu_scene = fresh
@@ -132,6 +142,28 @@ class Renderer:
         self.lights = tuple(lights)
         self._lights_moved = True
 
+    def set_environment(self, environment: Environment | None) -> None:
+        """Replace the environment, or take it away: then the scene's backdrop shows.
+
+        Raises:
+            UserError: Its maps or targets cannot be allocated; the old environment stays then.
+        """
+        if environment is self.environment:
+            return
+        fresh = None
+        if environment is not None:
+            fresh = EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
+        try:
+            self._runner.set_features({"environment"} if fresh else ())
+        except UserError:
+            if fresh is not None:
+                fresh.release()
+            raise
+        if self._environment_maps is not None:
+            self._environment_maps.release()
+        self._environment_maps, self.environment = fresh, environment
+        self.reset_history()
+
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
         self._gpu_scene.move(index, world_from_object)
@@ -142,7 +174,8 @@ class Renderer:
         Raises:
             UserError: The render targets cannot be allocated; the old settings stay then.
         """
-        shadows_change = settings.shadow_resolution != self.settings.shadow_resolution
+        shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
+                          != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
         self._runner.set_settings(settings)
         self._lights_moved |= shadows_change
 
@@ -172,9 +205,10 @@ class Renderer:
             stale = self._lights_moved or moved
             if stale:
                 lights.update(self.lights, gpu_scene.origin, gpu_scene.bounds, self.settings.shadow_resolution,
-                              self.capabilities.max_texture_size)
+                              self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
-            frame = SceneFrame(self._runner, self.settings, self._runner.radius, lights.textures,
+            tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
+            frame = SceneFrame(self._runner, self.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
@@ -243,7 +277,7 @@ class Renderer:
             target = buffer.pick(running)
             if target is not None:
                 levels = self._runner.declared[target].levels(self.settings)
-                if self.settings.bounces == 0:
+                if self.settings.bounces == 0 and self._runner.declared[target].extent != "start":
                     levels = range(levels.start, min(levels.stop, 1))
                 found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
         return found
@@ -326,5 +360,7 @@ class Renderer:
             self._presenter.release()
         self._drawer.release()
         self._light_table.release()
+        if self._environment_maps is not None:
+            self._environment_maps.release()
         if self._gpu_scene is not None:
             self._gpu_scene.release()

@@ -172,8 +172,27 @@ class Settings:
         "contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
         affects="display", group="Display")] = "neutral"
     shadow_resolution: Annotated[int, Knob(
-        "Side of the shadow map of a directional light; spots get a half, faces of point lights a quarter.",
+        "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
         128, 8192, "texels", log=True, group="Shadows")] = 2048
+    area_shadow_samples: Annotated[int, Knob(
+        "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother "
+        "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",
+        1, 16, group="Shadows")] = 9
+    environment_strength: Annotated[float, Knob(
+        "Brightness of the environment map, in stops; 0 leaves it as the file has it.",
+        -16.0, 16.0, "EV", group="Environment")] = 0.0
+    environment_rotation: Annotated[float, Knob(
+        "Turn of the environment about +Y, counter-clockwise seen from above.",
+        -180.0, 180.0, "degrees", group="Environment")] = 0.0
+    sky_directions: Annotated[int, Knob(
+        "Slices in which each texel of the starting level looks for what hides the environment. Cost grows in "
+        "proportion.", 1, 16, group="Environment")] = 4
+    sky_steps: Annotated[int, Knob(
+        "Steps to each side of a slice, closer together near by. Cost grows in proportion.",
+        1, 64, group="Environment")] = 16
+    sky_thickness: Annotated[float, Knob(
+        "Assumed thickness of what hides the environment, as a share of its distance from the camera. Less lets light "
+        "pass behind thin things, and leak through walls.", 0.001, 10.0, log=True, group="Environment")] = 0.1
     seed: Annotated[int, Knob(
         "Fixes every random choice: same machine, same flags, same bytes.", 0, 2**31 - 1)] = 0
 

@@ -1,15 +1,23 @@
-// Punctual lights with glTF's units and falloff, and their shadow maps.
-// Tables: gpu/light_table.py. All positions are in world space.
+// Lights and their shadow maps: punctual ones with glTF's units and falloff, and areas of even radiance.
+// Tables: gpu/light_table.py, punctual lights first. All positions are in world space. AREA_RECTANGLE, AREA_DISC and
+// AREA_SPHERE are defined where there are such lights: code that does not run costs, too.
+#if defined(AREA_RECTANGLE) || defined(AREA_DISC) || defined(AREA_SPHERE)
+#define AREA_LIGHTS
+#include "lib/area_lights.glsl"
+#endif
 
 const int LIGHT_DIRECTIONAL = 0;
 const int LIGHT_POINT = 1;
 const int LIGHT_SPOT = 2;
+const int LIGHT_RECTANGLE = 3;
+const int LIGHT_DISC = 4;
+const int LIGHT_SPHERE = 5;
 
 struct Light {
     int kind;
     vec3 position;
     vec3 direction;     // along which the light travels
-    vec3 intensity;     // W sr^-1, or W m^-2 for directional lights
+    vec3 intensity;     // W sr^-1, or W m^-2 for directional lights, or W m^-2 sr^-1 for areas
     float range;        // metres; 0: unlimited
     float spot_scale;   // angular falloff: clamp(cos * scale + offset)^2
     float spot_offset;
@@ -46,9 +54,42 @@ vec3 light_irradiance(Light light, vec3 position, out vec3 wi) {
     return light.intensity * falloff;
 }
 
-// Share of the light that arrives, from a tile of the shadow atlas: 16 texels through four bilinear
-// comparisons. The receiver is moved off its surface along the normal by the texel's size there, which
-// removes acne without the peter-panning of a depth bias.
+// A tile of the atlas: its view, and its place (uv of the corner, uv size, uv size of a texel).
+struct Tile {
+    mat4 clip_from_world;
+    vec4 rect;
+};
+
+Tile fetch_tile(sampler2D tiles, int tile) {
+    return Tile(transpose(mat4(texelFetch(tiles, ivec2(0, tile), 0), texelFetch(tiles, ivec2(1, tile), 0),
+                               texelFetch(tiles, ivec2(2, tile), 0), texelFetch(tiles, ivec2(3, tile), 0))),
+                texelFetch(tiles, ivec2(4, tile), 0));
+}
+
+vec3 tile_ndc(Tile tile, vec3 position) {
+    vec4 clip = tile.clip_from_world * vec4(position, 1.0);
+    return clip.w > 0.0 ? clip.xyz / clip.w : vec3(2.0);    // behind is outside
+}
+
+// Four bilinear comparisons, `spread` texels to each side: 0 to 1. slope: change of depth with uv over the texels.
+float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, vec2 slope) {
+    if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
+    vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
+    vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
+    float lit = 0.0;
+    for (int y = -1; y <= 1; y += 2)
+        for (int x = -1; x <= 1; x += 2) {
+            vec2 at = clamp(uv + vec2(x, y) * (spread * rect.w), low, high);
+            float depth = clamp(ndc.z * 0.5 + 0.5 + dot(slope, at - uv), 0.0, 1.0);
+            lit += textureLod(atlas, vec3(at, depth), 0.0);
+        }
+    return lit * 0.25;
+}
+
+float sine_of(float cosine) { return sqrt(max(1.0 - cosine * cosine, 0.0)); }
+
+// Share of a punctual light that arrives: 16 texels of one tile. The receiver is moved off its surface along the normal
+// by the texel's size there, which removes acne without the peter-panning of a depth bias.
 float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n, vec3 wi) {
     if (light.first_tile < 0) return 1.0;
     int tile = light.first_tile;
@@ -58,23 +99,137 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
         else if (a.y >= a.z) tile += d.y > 0.0 ? 2 : 3;
         else tile += d.z > 0.0 ? 4 : 5;
     }
-    vec4 rect = texelFetch(tiles, ivec2(4, tile), 0);      // atlas uv of the tile's corner, uv size, atlas texel
     vec4 sizes = texelFetch(tiles, ivec2(5, tile), 0);     // world size of a texel: at unit distance, constant
     float texel = light.kind == LIGHT_DIRECTIONAL ? sizes.y : sizes.x * length(position - light.position);
-    float n_dot_l = clamp(dot(n, wi), 0.0, 1.0);
-    vec3 moved = position + n * (texel * (0.5 + 2.0 * sqrt(1.0 - n_dot_l * n_dot_l)));
-    vec4 p = vec4(moved, 1.0);
-    vec4 clip = vec4(dot(texelFetch(tiles, ivec2(0, tile), 0), p), dot(texelFetch(tiles, ivec2(1, tile), 0), p),
-                     dot(texelFetch(tiles, ivec2(2, tile), 0), p), dot(texelFetch(tiles, ivec2(3, tile), 0), p));
-    if (clip.w <= 0.0) return 1.0;
-    vec3 ndc = clip.xyz / clip.w;
-    if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
-    vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
-    vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
-    float depth = clamp(ndc.z * 0.5 + 0.5, 0.0, 1.0);
-    float lit = 0.0;
-    for (int y = -1; y <= 1; y += 2)
-        for (int x = -1; x <= 1; x += 2)
-            lit += textureLod(atlas, vec3(clamp(uv + vec2(x, y) * rect.w, low, high), depth), 0.0);
-    return lit * 0.25;
+    vec3 moved = position + n * (texel * (0.5 + 2.0 * sine_of(clamp(dot(n, wi), 0.0, 1.0))));
+    Tile view = fetch_tile(tiles, tile);
+    return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, vec2(0.0));
 }
+
+#ifdef AREA_LIGHTS
+struct AreaLight {
+    int kind;
+    vec3 position;
+    vec3 direction;     // of the side that emits
+    vec3 u;             // unit vector along a rectangle's width
+    vec2 half_size;     // of a rectangle; x: radius of a disc or sphere
+    vec3 radiance;
+    int first_tile;     // of the shadow atlas; -1: no shadow
+    int shadow_points;
+};
+
+AreaLight fetch_area_light(sampler2D table, int index) {
+    vec4 a = texelFetch(table, ivec2(0, index), 0);
+    vec4 b = texelFetch(table, ivec2(1, index), 0);
+    vec4 c = texelFetch(table, ivec2(2, index), 0);
+    vec4 d = texelFetch(table, ivec2(3, index), 0);
+    vec4 e = texelFetch(table, ivec2(4, index), 0);
+    return AreaLight(int(a.w), a.xyz, b.xyz, e.xyz, d.zw, c.rgb, int(c.w), int(e.w));
+}
+
+// E / L of an area, before shadows.
+float area_irradiance(AreaLight light, vec3 position, vec3 n) {
+    vec3 center = light.position - position;
+#ifdef AREA_SPHERE
+    if (light.kind == LIGHT_SPHERE) return sphere_irradiance(center, light.half_size.x, n);
+#endif
+#ifdef AREA_DISC
+    if (light.kind == LIGHT_DISC) return disc_irradiance(center, light.half_size.x, light.u, light.direction, n);
+#endif
+#ifdef AREA_RECTANGLE
+    vec3 v = cross(light.direction, light.u);
+    return rectangle_irradiance(center, light.u * light.half_size.x, v * light.half_size.y, light.direction, n);
+#else
+    return 0.0;
+#endif
+}
+
+float area_size(AreaLight light) {
+    float r = light.half_size.x;
+    if (light.kind == LIGHT_RECTANGLE) return 4.0 * r * light.half_size.y;
+    return (light.kind == LIGHT_DISC ? 1.0 : 4.0) * AREA_PI * r * r;
+}
+
+const int AREA_TILES = 3;   // of each point: they cover the side to which it emits
+
+// Change of depth with atlas uv over the plane through a point: planes stay planes in normalised device coordinates.
+vec2 plane_slope(Tile tile, vec3 position, vec3 n, float texel) {
+    vec3 a = cross(n, abs(n.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 0.0, 1.0)) * texel, b = cross(n, a);
+    vec3 here = tile_ndc(tile, position);
+    vec3 first = tile_ndc(tile, position + a) - here, second = tile_ndc(tile, position + b) - here;
+    float area = first.x * second.y - first.y * second.x;
+    // Edge-on there is no such slope: the texels of the filter then keep the middle's depth
+    if (abs(area) < 0.05 * length(first) * length(second)) return vec2(0.0);
+    vec2 slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / area;
+    return slope / tile.rect.z;     // depth is half of ndc, uv half of ndc times the tile's size
+}
+
+// Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
+float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 position, vec3 n) {
+    if (light.first_tile < 0) return 1.0;
+    float part = area_size(light) / (AREA_PI * float(light.shadow_points));
+    float lit = 0.0, total = 0.0;
+    for (int i = 0; i < light.shadow_points; ++i) {
+        int tile = light.first_tile + AREA_TILES * i;
+        vec4 point = texelFetch(tiles, ivec2(6, tile), 0);     // w: world distance between such points
+        vec3 to_point = point.xyz - position;
+        vec3 outward = light.kind == LIGHT_SPHERE ? point.xyz - light.position : light.direction;
+        float emitted = -dot(to_point, outward), received = dot(to_point, n);
+        if (emitted <= 0.0 || received <= 0.0) continue;
+        float squared = dot(to_point, to_point);
+        float weight = emitted * received / (squared * (squared + part));
+        // The tile whose axis goes most along the way: the three are at right angles, tilted alike off the outward normal
+        vec4 there = vec4(position, 1.0);
+        vec4 axis = texelFetch(tiles, ivec2(3, tile), 0);
+        float along = dot(axis, there);
+        int best = tile;
+        for (int k = 1; k < AREA_TILES; ++k) {
+            vec4 other = texelFetch(tiles, ivec2(3, tile + k), 0);
+            float way = dot(other, there);
+            if (way > along) {
+                along = way;
+                axis = other;
+                best = tile + k;
+            }
+        }
+        float texel = texelFetch(tiles, ivec2(5, tile), 0).x * max(along, 0.0);
+        // Neighbouring points' shadows must overlap, or their edges are seen one by one
+        float spread = clamp(0.5 * point.w / max(texel, 1e-30), 1.0, 3.0);
+        // Off its surface by a part of a texel, and each comparison with the depth of the receiver's own plane there: a
+        // wide filter would otherwise need an offset that moves the shadow
+        Tile view = fetch_tile(tiles, best);
+        vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
+        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread,
+                                        plane_slope(view, moved, n, texel));
+        total += weight;
+    }
+    return total > 0.0 ? lit / total : 1.0;
+}
+
+// The point of an area that a mirror at `position` would show, or the nearest to it (Karis 2013, "representative
+// point"). reflected: unit vector.
+vec3 representative_point(AreaLight light, vec3 position, vec3 reflected) {
+    vec3 center = light.position - position;
+    if (light.kind == LIGHT_SPHERE) {
+        vec3 nearest = dot(center, reflected) * reflected - center;
+        return center + nearest * min(light.half_size.x * inversesqrt(max(dot(nearest, nearest), 1e-20)), 1.0);
+    }
+    float slope = dot(reflected, light.direction);
+    // A ray that runs away from the plane is taken to meet it far out, on the side to which it goes
+    float way = slope < -1e-4 ? dot(center, light.direction) / slope : 1e4 * length(center);
+    vec3 offset = reflected * way - center;
+    vec3 v = cross(light.direction, light.u);
+    vec2 at = vec2(dot(offset, light.u), dot(offset, v));
+    if (light.kind == LIGHT_DISC) at *= min(light.half_size.x / max(length(at), 1e-20), 1.0);
+    else at = clamp(at, -light.half_size, light.half_size);
+    return center + light.u * at.x + v * at.y;
+}
+
+// Part of the sphere of directions that an area fills, roughly, over pi: its sin^2 of the half angle if it were a sphere.
+float area_extent(AreaLight light, vec3 to_point) {
+    float squared = dot(to_point, to_point);
+    if (light.kind == LIGHT_SPHERE) return light.half_size.x * light.half_size.x / squared;
+    float facing = max(-dot(light.direction, to_point), 0.0) * inversesqrt(squared);
+    return area_size(light) * facing / (AREA_PI * squared);
+}
+#endif

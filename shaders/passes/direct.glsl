@@ -1,13 +1,53 @@
-// Direct light of every punctual light, with shadows. Writes the colour to be shown and, apart from it, the
+// Direct light of every light, with shadows. Writes the colour to be shown and, apart from it, the
 // diffuse exitant radiance that the gather reads: what the camera sees as a highlight is not what a
 // neighbouring surface receives.
 #include "lib/brdf.glsl"
 #include "lib/lights.glsl"
+#ifdef HAS_SKY
+#include "lib/bilateral.glsl"
+#include "lib/environment.glsl"
+
+// Share of the environment's light that arrives, from the four texels of the starting level around the pixel.
+vec3 sky_share(ivec2 px, Surface receiver, vec3 p) {
+    ivec2 last = size_sky() - 1;
+    vec2 at = (vec2(px) + 0.5) / start_texel - 0.5, corner = floor(at), f = at - corner;
+    vec2 scale = frame.ray_scale * start_texel;
+    vec3 sum = vec3(0.0), nearest = vec3(1.0);
+    float total = 0.0, closest = 1e30;
+    for (int i = 0; i < 4; ++i) {
+        ivec2 offset = ivec2(i & 1, i >> 1), place = clamp(ivec2(corner) + offset, ivec2(0), last);
+        float kernel = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
+        Surface tap = load_start_surface(place);
+        vec3 share = load_sky(place).rgb;
+        float weight = kernel * agreement(receiver, p, tap, ray_from_pixel(vec2(place) + 0.5, scale, frame.ray_origin));
+        sum += share * weight;
+        total += weight;
+        float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+        if (apart < closest) {
+            closest = apart;
+            nearest = share;
+        }
+    }
+    // Nobody agrees: the neighbour nearest in depth is wrong by less than anything else
+    const float LEAST = 0.01;
+    return (sum + nearest * max(LEAST - total, 0.0)) / max(total, LEAST);
+}
+
+vec3 environment_background(vec2 ray) {
+    vec3 world = normalize(mat3(frame.world_from_view) * vec3(ray, -1.0));
+    vec2 uv = environment_uv(environment_direction(world, frame.environment_turn));
+    return textureLod(texture_environment, uv, 0.0).rgb * frame.environment_strength;
+}
+#endif
 
 void shade(ivec2 px) {
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) {
-        out_direct = vec4(frame.background, 0.0);
+        vec3 backdrop = frame.background;
+#ifdef HAS_SKY
+        backdrop = environment_background(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
+#endif
+        out_direct = vec4(finite_half(backdrop), 0.0);
         out_radiance = vec3(0.0);
         return;
     }
@@ -22,7 +62,7 @@ void shade(ivec2 px) {
     vec3 wo = normalize(world_rotation * -position_vs);
 
     vec3 irradiance = vec3(0.0), highlight = vec3(0.0);
-    for (int i = 0; i < frame.light_count; ++i) {
+    for (int i = 0; i < punctual_lights; ++i) {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
@@ -33,6 +73,29 @@ void shade(ivec2 px) {
             highlight += incoming * brdf_ggx(specular.rgb, specular.a, n, wo, wi);
         }
     }
+#ifdef AREA_LIGHTS
+    for (int i = punctual_lights; i < frame.light_count; ++i) {
+        AreaLight light = fetch_area_light(texture_lights, i);
+        float gathered = area_irradiance(light, position, n);
+        if (gathered <= 0.0) continue;
+        vec3 seen = light.radiance * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n);
+        vec3 to_point = representative_point(light, position, reflect(-wo, n));
+        irradiance += seen * gathered;
+        highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, normalize(to_point), gathered,
+                                           area_extent(light, to_point));
+    }
+#endif
+#ifdef HAS_SKY
+    vec3 normal = environment_direction(n, frame.environment_turn);
+    vec3 mirror = environment_direction(reflect(-wo, n), frame.environment_turn);
+    // Both the image and the material's occlusion map may know of the same hollow: it darkens once, by the stronger of them
+    vec3 open = min(sky_share(px, surface, position_vs), vec3(load_albedo(px).a));
+    irradiance += environment_irradiance(texture_environment_irradiance, normal) * open * frame.environment_strength;
+    float n_dot_v = max(dot(n, wo), 0.0);
+    float open_ahead = specular_occlusion(n_dot_v, dot(open, vec3(1.0 / 3.0)), specular.a);
+    highlight += environment_specular(texture_environment_specular, mirror, specular.a)
+               * environment_brdf(specular.rgb, specular.a, n_dot_v) * (open_ahead * frame.environment_strength);
+#endif
     out_radiance = emission + albedo * irradiance * (1.0 / PI);
     out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
 }

@@ -131,16 +131,4 @@ void shade(ivec2 px) {
                                                 : load_surface(base);
     out_winner = 0u;
 #endif
-
-#if MIP_FILTER == 1
-    out_radiance = load_radiance(base);
-#else
-    vec3 sum = vec3(0.0);
-    for (int c = 0; c < 4; ++c) {
-        ivec2 at = base + ivec2(c & 1, c >> 1);
-        // Beyond the edge of an odd level there is no light: the texel sends what its part inside the image does.
-        if (all(lessThanEqual(at, last))) sum += load_radiance(at);
-    }
-    out_radiance = sum * 0.25;
-#endif
 }

@@ -2,20 +2,10 @@
 // two. Both filters are cross-bilateral: a tap counts by its kernel weight, the agreement of normals and its
 // distance to the receiver's tangent plane. UPSAMPLING: 0 bilateral, 1 nearest.
 
+#include "lib/bilateral.glsl"
 #include "lib/lobe.glsl"
 
-// Distance to the plane at which a tap's weight is halved, relative to the view depth.
-const float PLANE_TOLERANCE = 0.01;
 const float THRESH = 0.01;
-
-float agreement(Surface receiver, vec3 p, Surface tap, vec2 tap_ray) {
-    float facing = max(dot(receiver.normal, tap.normal), 0.0);
-    facing *= facing;
-    facing *= facing;
-    float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
-                    / (receiver.view_depth * PLANE_TOLERANCE);
-    return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
-}
 
 // Sums over lobes, evaluated for the receiver at hand.
 struct Sum {

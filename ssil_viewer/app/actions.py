@@ -12,11 +12,16 @@ import numpy as np
 
 from ssil_viewer.app import saved_view
 from ssil_viewer.app.camera_control import CameraControl, camera_flags
+from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
+from ssil_viewer.scene.environment import Environment, load_environment
+from ssil_viewer.scene.light_file import is_light_file, with_lights
+from ssil_viewer.scene.lights import with_default_light, without_default_light
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings, load_preset, load_settings
 
@@ -135,7 +140,9 @@ class Actions:
         Args:
             rgb: (H, W, 3) uint8, row 0 = top.
         """
-        view = saved_view.SavedView(self.state.scene.name, self.state.settings, self.state.camera.camera())
+        environment = self.state.scene.environment
+        view = saved_view.SavedView(self.state.scene.name, self.state.settings, self.state.camera.camera(),
+                                    environment.name if environment else "")
         details = {"renderer": self._renderer.capabilities.renderer, "opengl": self._renderer.capabilities.version,
                    "size": [rgb.shape[1], rgb.shape[0]]}
         path = saved_view.save_picture(Path.cwd(), rgb, view, details)
@@ -164,10 +171,14 @@ class Actions:
 
     @_shows_errors
     def open_path(self, path: Path) -> None:
-        """Open whatever was dropped or chosen: a scene, a settings file, or a saved picture."""
+        """Open whatever was dropped or chosen: a scene, an environment, settings, lights, or a saved picture."""
         suffix = path.suffix.lower()
-        if suffix == ".toml":
+        if suffix == ".toml" and is_light_file(path):
+            self.load_lights(path)
+        elif suffix == ".toml":
             self.load_settings(path)
+        elif suffix in ENVIRONMENT_FORMATS:
+            self.open_environment(path)
         elif suffix == ".png":
             self._restore(saved_view.load_picture(path))
         else:
@@ -195,6 +206,37 @@ class Actions:
         self.state.loading = self._loader.loading
         if outcome is not None:
             self._take(outcome)
+
+    # Light
+
+    @_shows_errors
+    def load_lights(self, path: Path) -> None:
+        """The lights of a file, in place of those that are there or on top of them, as the file says."""
+        self.state.lights = with_lights(replace(self.state.scene, lights=self.state.lights), path).lights
+        self.state.motion = LightMotion()
+        self.state.say(f"Lights of {path}")
+
+    @_shows_errors
+    def open_environment(self, path: Path) -> None:
+        """Light the scene with a map from now on; the sun that a dark scene was given goes."""
+        environment = load_environment(path)
+        self._set_environment(environment)
+        for warning in environment.warnings:
+            self.state.say(warning, "error")
+        self.state.say(f"Environment {path}")
+
+    def remove_environment(self) -> None:
+        """No environment from now on."""
+        self._set_environment(None)
+
+    def _set_environment(self, environment: Environment | None) -> None:
+        state = self.state
+        state.scene = replace(state.scene, environment=environment)
+        lights = without_default_light(state.lights)
+        if environment is None and not lights:
+            lights = with_default_light(replace(state.scene, lights=())).lights
+        if lights != state.lights:
+            state.lights, state.motion = lights, LightMotion()
 
     # The camera
 
@@ -310,6 +352,9 @@ class Actions:
         return min(max(level, info.levels[0]), info.levels[-1]) if info and info.levels else 0
 
     def _restore(self, view: saved_view.SavedView) -> None:
+        now = self.state.scene.environment
+        if view.environment and (now is None or now.name != view.environment):
+            self.open_environment(Path(view.environment))
         if view.scene and view.scene != self.state.scene.name:
             # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
@@ -325,8 +370,11 @@ class Actions:
         self._view_after_loading = self._settings_after_loading = None
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
-        self._renderer.set_scene(outcome.scene)
-        self.state.open_scene(outcome.scene, outcome.camera)
+        scene, environment = outcome.scene, self.state.scene.environment
+        if environment is not None:     # the user's choice outlives the scene
+            scene = replace(scene, environment=environment, lights=without_default_light(scene.lights))
+        self._renderer.set_scene(scene)
+        self.state.open_scene(scene, outcome.camera)
         if camera is not None:
             self.state.camera.set_camera(camera)
         if settings is not None:

@@ -22,7 +22,7 @@ def why_no_indirect(settings: Settings, scene: Scene, lights: Sequence[Light], l
     if not scene.instances:
         return "No indirect light: the scene has no surfaces"
     if not any(_shines(light) for light in lights) and not _emits(scene):
-        return "No indirect light: no light shines and no material emits"
+        return "No indirect light: no light shines, no material emits and there is no environment"
     if lit is False:
         return "No indirect light: nothing in view is lit, and light can only come from what is in view"
     return ""
@@ -33,4 +33,4 @@ def _shines(light: Light) -> bool:
 
 
 def _emits(scene: Scene) -> bool:
-    return any(max(material.emission) > 0.0 for material in scene.materials)
+    return scene.environment is not None or any(max(material.emission) > 0.0 for material in scene.materials)

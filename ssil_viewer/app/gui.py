@@ -11,6 +11,7 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import (
     buffers,
     camera,
+    environment,
     help,
     interface,
     light_markers,
@@ -46,6 +47,7 @@ class Gui:
         self._actions = actions
         self._renderer = renderer
         self._scene_panel = scene.ScenePanel()
+        self._environment_panel = environment.EnvironmentPanel()
         self._browser = FileBrowser(actions.open_path)
         actions.on_browse = self._browser.open
 
@@ -136,6 +138,7 @@ class Gui:
         parts: dict[str, Callable[[], None]] = {
             "Settings": lambda: settings.draw(state, actions),
             "Lights": self._lights,
+            "Environment": lambda: self._environment_panel.draw(state, actions),
             "Camera": lambda: camera.draw(state, actions),
             "Scene": lambda: self._scene_panel.draw(state, actions, self._renderer.warnings),
             "Buffers": lambda: buffers.draw(state, actions, self._renderer),

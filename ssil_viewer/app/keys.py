@@ -74,8 +74,8 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("P", "Pause and resume the moving light", "Scene", "pause_light", (Chord("P"),)),
     Binding("Ctrl+O", "Open a scene file", "Scene", "browse_scene", (Chord("O", ctrl=True),)),
     Binding("Ctrl+R", "Load the scene again", "Scene", "reload_scene", (Chord("R", ctrl=True),)),
-    Binding("Drop a file", "Open a scene, a settings file (.toml), or a saved PNG with its settings and camera",
-            "Scene"),
+    Binding("Drop a file", "Open a scene, an environment (.hdr, .exr), a file of settings or of lights (.toml), or a "
+            "saved PNG with its settings and camera", "Scene"),
 
     Binding("F1", "This help", "Program", "toggle_help", (Chord("F1"),)),
     Binding("Tab or H", "Hide and show the panels", "Program", "toggle_panels", (Chord("TAB"), Chord("H"))),

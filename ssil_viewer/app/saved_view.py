@@ -23,11 +23,13 @@ class SavedView:
 
     Attributes:
         scene: Source of the scene, empty when the picture does not say.
+        environment: File of the environment, empty when there is none.
     """
 
     scene: str
     settings: Settings
     camera: Camera
+    environment: str = ""
 
 
 def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[str, Any]) -> Path:
@@ -43,6 +45,7 @@ def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[s
     """
     camera = dataclasses.asdict(view.camera)
     metadata = details | {"version": __version__, "scene": view.scene, "camera": camera,
+                          "environment": view.environment,
                           "settings": dataclasses.asdict(view.settings)}
     path = output.check_target(_free_name(folder), (".png",))
     output.write_png(path, rgb, metadata)
@@ -65,7 +68,8 @@ def load_picture(path: Path) -> SavedView:
         camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
-        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera)
+        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera,
+                         str(data.get("environment", "")))
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
 

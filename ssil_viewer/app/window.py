@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -207,6 +208,11 @@ class Viewer:
         except UserError as error:
             state.say(str(error), "error")
             state.settings = renderer.settings
+        try:
+            renderer.set_environment(state.scene.environment)
+        except UserError as error:
+            state.say(str(error), "error")
+            state.scene = replace(state.scene, environment=renderer.environment)
         lights = state.motion.applied(state.lights)
         if lights != self._sent_lights:
             renderer.set_lights(lights)

@@ -7,6 +7,7 @@ import json
 import sys
 
 from ssil_viewer import output
+from ssil_viewer.commands import shared
 from ssil_viewer.commands.parser import Parser, add_scene
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.warning_list import printable
@@ -29,9 +30,9 @@ def run(args: argparse.Namespace) -> None:
         # Without its FILE the flag would take the scene that follows it, and write over it
         target = output.check_target(args.json, (".json",))
 
-    from ssil_viewer.scene import describe, format_description, load_scene
+    from ssil_viewer.scene import describe, format_description
 
-    description = describe(load_scene(args.scene))
+    description = describe(shared.load_described(args))
     targets = _target_bytes()
     if args.json is None:
         print(format_description(description))

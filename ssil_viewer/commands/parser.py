@@ -80,8 +80,13 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_scene(parser: Parser, default: str | None = None) -> None:
-    """Adds the SCENE argument."""
+    """Adds the SCENE argument, and the flags for light that comes from other files."""
     text = "a .gltf, .glb, .obj, .ply or .stl file, or builtin:NAME (see ssil-viewer scenes)"
+    light = parser.add_argument_group("light")
+    light.add_argument("--lights", metavar="FILE", help="a TOML file of lights, in place of the scene's own; see "
+                       "docs/lights.md")
+    light.add_argument("--environment", metavar="FILE", help="an equirectangular .hdr or .exr that lights the "
+                       "scene and is its backdrop")
     if default is None:
         parser.add_argument("scene", metavar="SCENE", help=text)
     else:

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
             if view and target.suffix.lower() == ".png":
                 renderer.show_buffer(*view)
             with compiling_ahead(renderer.capabilities, args.size, settings, keep=_KEEP):
-                scene = shared.load(args.scene)
+                scene = shared.load(args)
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)
                 _render_frames(renderer, camera, frames)
@@ -164,6 +164,7 @@ def _metadata(
     return {
         "version": __version__,
         "scene": scene.name,
+        "environment": scene.environment.name if scene.environment else "",
         "size": list(args.size),
         "frames": frames,
         "settings": dataclasses.asdict(settings),

@@ -14,6 +14,8 @@ import numpy as np
 
 from ssil_viewer.commands import values
 from ssil_viewer.errors import UserError
+from ssil_viewer.scene.environment import load_environment
+from ssil_viewer.scene.light_file import load_lights, with_lights
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings, knobs, load_preset, load_settings
 
@@ -75,12 +77,32 @@ def check_fits(size: tuple[int, int], settings: Settings, explicit: Mapping[str,
                     f"give at most {coarsest} with --levels 1, or a larger --size")
 
 
-def load(source: str) -> Scene:
-    """Loads a scene and prints its warnings on standard error."""
+def load(args: argparse.Namespace) -> Scene:
+    """Loads the scene with its --lights and its --environment, and prints their warnings on standard error.
+
+    Either of the two says how the scene is lit: then it gets no default sun.
+    """
+    scene = load_described(args)
+    warn(scene.warnings)
+    return scene
+
+
+def load_described(args: argparse.Namespace) -> Scene:
+    """As `load`, without printing; the scene has all the warnings."""
     from ssil_viewer.scene import load_scene
 
-    scene = load_scene(source)
-    warn(scene.warnings)
+    # The small files first: an error in one of them should not wait for a large scene
+    environment = None
+    if args.lights is not None:
+        load_lights(args.lights)
+    if args.environment is not None:
+        environment = load_environment(args.environment)
+    scene = load_scene(args.scene, default_light=args.lights is None and environment is None)
+    if args.lights is not None:
+        scene = with_lights(scene, args.lights)
+    if environment is not None:
+        scene = dataclasses.replace(scene, environment=environment,
+                                    warnings=(*scene.warnings, *environment.warnings))
     return scene
 
 

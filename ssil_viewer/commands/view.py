@@ -23,7 +23,7 @@ def add_flags(parser: Parser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Opens the window and returns when it is closed."""
     settings = shared.settings_of(args)
-    scene = shared.load(args.scene)
+    scene = shared.load(args)
     camera = shared.camera_of(args, scene)
     check_display()
 

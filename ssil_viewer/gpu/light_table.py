@@ -9,13 +9,21 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.area_points import (
+    TILES_PER_POINT,
+    area_frame,
+    area_points,
+    hemisphere_axes,
+    point_count,
+    point_spacing,
+)
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.scene.model import Light
 
-LIGHT_TEXELS = 4
-TILE_TEXELS = 6
-_KINDS = {"directional": 0, "point": 1, "spot": 2}
+LIGHT_TEXELS = 5
+TILE_TEXELS = 7
+_KINDS = {"directional": 0, "point": 1, "spot": 2, "rectangle": 3, "disc": 4, "sphere": 5}
 _SMALLEST_TILE = 64
 # Faces of a point light in the order that shaders/lib/lights.glsl selects them: forward, up
 _FACES = (((1, 0, 0), (0, 1, 0)), ((-1, 0, 0), (0, 1, 0)), ((0, 1, 0), (0, 0, 1)),
@@ -59,6 +67,13 @@ def perspective(tan_half: tuple[float, float], near: float, far: float) -> np.nd
     return clip
 
 
+def off_centre_perspective(low: float, high: float, near: float, far: float) -> np.ndarray:
+    """As `perspective`, for tangents from `low` to `high` in both x and y; (4, 4) float64."""
+    clip = perspective(((high - low) / 2,) * 2, near, far)
+    clip[0, 2] = clip[1, 2] = (high + low) / (high - low)
+    return clip
+
+
 def _corners(bounds: np.ndarray) -> np.ndarray:
     return np.array([[bounds[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
 
@@ -71,6 +86,8 @@ class LightTable:
         atlas: Depth texture with all shadow maps.
         tiles: Views to render into the atlas.
         count: Number of lights.
+        punctual_count: How many of them have no area; they come first.
+        area_kinds: The kinds of the others.
         unshadowed: Names of lights that found no room in the atlas.
     """
 
@@ -81,7 +98,8 @@ class LightTable:
         self.atlas = self._create_atlas((1, 1))
         self.framebuffer = context.framebuffer(depth_attachment=self.atlas)
         self.tiles: list[Tile] = []
-        self.count = 0
+        self.count = self.punctual_count = 0
+        self.area_kinds: tuple[str, ...] = ()
         self.unshadowed: list[str] = []
 
     @property
@@ -97,19 +115,21 @@ class LightTable:
         return atlas
 
     def update(self, lights: Sequence[Light], origin: np.ndarray, bounds: np.ndarray, resolution: int,
-               max_size: int) -> None:
+               max_size: int, area_samples: int = 9) -> None:
         """Write the tables and lay out the atlas; its content is then the shadow pass's to render.
 
         Args:
             origin: World position that the GPU's zero stands for.
             bounds: (2, 3) box of the geometry relative to `origin`.
-            resolution: Side of a directional light's tile; spots get a half, point lights' faces a quarter.
+            resolution: Side of a directional light's tile; spots get a half, others a quarter.
             max_size: Largest side of a texture.
+            area_samples: Points on each area light from which its shadow is drawn.
 
         Raises:
             UserError: The atlas or a table cannot be allocated; all stays as it was then.
         """
-        sides = self._tile_sides(lights, resolution, max_size)
+        lights = sorted(lights, key=lambda light: light.is_area)
+        sides = self._tile_sides(lights, resolution, max_size, area_samples)
         corners, atlas_size = _pack_squares([s for light_sides in sides for s in light_sides])
         tiles: list[Tile] = []
         rows = np.zeros((max(len(lights), 1), LIGHT_TEXELS, 4), np.float32)
@@ -123,9 +143,13 @@ class LightTable:
             row[1] = (*direction, light.range if np.isfinite(light.range) else 0.0)
             # Beyond this, sums over lights would leave single precision; no display shows a difference
             row[2] = (*np.clip(np.asarray(light.color, np.float64) * light.intensity, 0.0, 1e30), first)
-            row[3] = (scale, -np.cos(light.outer_cone) * scale, 0.0, 0.0)
-            for (matrix, at_unit_distance, constant), side in zip(_views(light, position, bounds, light_sides),
-                                                                  light_sides):
+            row[3, :2] = (scale, -np.cos(light.outer_cone) * scale)
+            if light.is_area:
+                u, _, row[1, :3] = area_frame(light)
+                row[3, 2:] = (light.width / 2, light.height / 2) if light.kind == "rectangle" else light.radius
+                row[4] = (*u, point_count(light, area_samples))
+            for (matrix, at_unit_distance, constant, point), side in zip(_views(light, position, bounds, light_sides),
+                                                                         light_sides):
                 corner = corners[len(tiles)]
                 tiles.append(Tile(corner, side, matrix))
                 tile = np.zeros((TILE_TEXELS, 4), np.float32)
@@ -133,12 +157,15 @@ class LightTable:
                 # One atlas size in both directions keeps uv scale and texel a single number each
                 tile[4] = (corner[0] / atlas_size, corner[1] / atlas_size, side / atlas_size, 1 / atlas_size)
                 tile[5] = (at_unit_distance, constant, 0.0, 0.0)
+                tile[6] = point
                 tile_rows.append(tile)
         self._fit(len(rows), max(len(tile_rows), 1), atlas_size)
         self.table.write(rows.tobytes())
         self.tiles_table.write(np.array(tile_rows or [np.zeros((TILE_TEXELS, 4))], np.float32).tobytes())
         self.tiles = tiles
         self.count = len(lights)
+        self.punctual_count = sum(not light.is_area for light in lights)
+        self.area_kinds = tuple(sorted({light.kind for light in lights if light.is_area}))
         self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
                            if light.cast_shadow and not s]
 
@@ -172,10 +199,12 @@ class LightTable:
         self.table, self.tiles_table, self.atlas, self.framebuffer = table, tiles_table, atlas, framebuffer
 
     @staticmethod
-    def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int) -> list[list[int]]:
+    def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int, area_samples: int) -> list[list[int]]:
         """Sides of each light's tiles. All are halved until they fit four directional maps' area; lights
         that would get less than `_SMALLEST_TILE` go without, the last ones first."""
         relative = {"directional": (1, 1), "spot": (2, 1), "point": (4, 6)}
+        relative |= {light.kind: (4, TILES_PER_POINT * point_count(light, area_samples))
+                     for light in lights if light.is_area}
         side_limit = min(max_size, 8192)
         budget = min((2 * resolution) ** 2, side_limit**2)
         scale, shadowed = 1, [light.cast_shadow for light in lights]
@@ -224,11 +253,15 @@ def _pack_squares(sides: list[int]) -> tuple[list[tuple[int, int]], int]:
 
 
 def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[int]):
-    """(clip_from_world, texel size at unit distance, constant texel size) of each tile of a light."""
+    """(clip_from_world, texel size at unit distance, constant texel size, point) of each tile of a light.
+
+    point: (4,), of an area the place of the view and the width on the light that it stands for.
+    """
     if not sides:
         return
     corners = _corners(bounds)
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
+    nowhere = np.zeros(4)
     if light.kind == "directional":
         view = look_along(np.zeros(3), np.asarray(light.direction, np.float64), np.array((0.0, 1.0, 0.0)))
         seen = corners @ view[:3, :3].T
@@ -237,17 +270,37 @@ def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[i
         extent = high - low
         clip[0, 0], clip[1, 1], clip[2, 2] = 2 / extent[0], 2 / extent[1], -2 / extent[2]
         clip[:3, 3] = -(high + low) / extent * (1, 1, -1)
-        yield clip @ view, 0.0, float(max(extent[0], extent[1])) / sides[0]
+        yield clip @ view, 0.0, float(max(extent[0], extent[1])) / sides[0], nowhere
         return
     far = max(float(np.linalg.norm(corners - position, axis=1).max()), 1e-6 * diagonal) * 1.01
     near = min(far * 1e-3, diagonal * 1e-3)
+    if light.is_area:
+        yield from _area_views(light, position, near, far, sides)
+        return
     if light.kind == "spot":
         # A margin of two texels, so that filtering at the cone's edge stays inside
         tangent = np.tan(min(light.outer_cone, 1.5)) * (1 + 4 / sides[0])
         view = look_along(position, np.asarray(light.direction, np.float64), np.array((0.0, 1.0, 0.0)))
-        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / sides[0], 0.0
+        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / sides[0], 0.0, nowhere
         return
     for (forward, up), side in zip(_FACES, sides):
         tangent = 1 + 6 / side
         view = look_along(position, np.asarray(forward, np.float64), np.asarray(up, np.float64))
-        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / side, 0.0
+        yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / side, 0.0, nowhere
+
+
+def _area_views(light: Light, position: np.ndarray, near: float, far: float, sides: list[int]):
+    """Three views from each of an area's points, which together see the whole side to which it emits."""
+    count = len(sides) // TILES_PER_POINT
+    far += np.sqrt(2.0) * max(light.width, light.height, light.radius)
+    spacing = point_spacing(light, count)
+    margin = 24 / sides[0]      # eight texels, for the filter and for receivers moved along their normal
+    for place, normal in zip(*area_points(light, count)):
+        axes = hemisphere_axes(normal)
+        for at, forward in enumerate(axes):
+            right, up = axes[(at + 2) % 3], axes[(at + 1) % 3]      # the other two span the image
+            view = np.eye(4)
+            view[:3, :3] = np.stack([right, up, -forward])
+            view[:3, 3] = -view[:3, :3] @ (position + place)
+            clip = off_centre_perspective(-2.0 - margin, 1.0 + margin, near, far) @ view
+            yield clip, (3.0 + 2.0 * margin) / sides[0], 0.0, np.array((*(position + place), spacing))

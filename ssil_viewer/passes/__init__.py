@@ -7,15 +7,17 @@ from ssil_viewer.passes.direct import Direct
 from ssil_viewer.passes.gather import Gather
 from ssil_viewer.passes.gbuffer import GBuffer
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
-from ssil_viewer.passes.mipmap import Mipmap
+from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
 from ssil_viewer.passes.shadows import Shadows
+from ssil_viewer.passes.sky import Sky, SkyFilter
 from ssil_viewer.passes.temporal import Temporal
 from ssil_viewer.passes.upsample import Upsample
 from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
 from ssil_viewer.passes.voxelize import Voxelize
 
-FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Direct, DepthRange, Voxelize, VoxelMipmap, Mipmap, Gather, Upsample,
-                                 Temporal, Composite)
+FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, DepthRange, Voxelize, VoxelMipmap,
+                                 MipmapRadiance, Gather, Upsample, Temporal, Composite)
 
 __all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "Pass", "Read", "ScreenPass", "Shadows", "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]
+           "MipmapRadiance", "Pass", "Read", "ScreenPass", "Shadows", "Sky", "SkyFilter", "Temporal", "Upsample",
+           "VoxelMipmap", "Voxelize"]

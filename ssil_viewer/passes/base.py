@@ -7,7 +7,7 @@ the inspector; a pass contains nothing of that.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Iterable
+from typing import TYPE_CHECKING, ClassVar, Iterable, Literal
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.settings import Settings
@@ -22,16 +22,16 @@ class Read:
 
     Attributes:
         targets: Names, the first one whose writer runs is taken. `NAME@previous` is last frame's.
-        offset: Level read minus level written; None reads level 0 always.
+        offset: Level read minus level written; None reads level 0 always, "start" the starting level.
         optional: The shader copes without (`HAS_NAME` is not defined then).
     """
 
     targets: tuple[str, ...]
-    offset: int | None = 0
+    offset: int | Literal["start"] | None = 0
     optional: bool = False
 
     @staticmethod
-    def of(*targets: str, offset: int | None = 0, optional: bool = False) -> Read:
+    def of(*targets: str, offset: int | Literal["start"] | None = 0, optional: bool = False) -> Read:
         """A read of the first of `targets` that exists."""
         return Read(targets, offset, optional)
 
@@ -60,15 +60,23 @@ class Pass:
         name: Under which it is timed and shown.
         writes: Targets it owns; names are unique in the whole frame.
         extends: Targets of earlier passes of which it writes further levels.
+        requires: Features of the scene without which it never runs, and its targets do not exist.
+        serves: Features of the scene with which it runs even where `enabled` says no.
     """
 
     name: ClassVar[str]
     writes: ClassVar[dict[str, Target]] = {}
     extends: ClassVar[tuple[str, ...]] = ()
+    requires: ClassVar[frozenset[str]] = frozenset()
+    serves: ClassVar[frozenset[str]] = frozenset()
 
     def enabled(self, settings: Settings) -> bool:
         """Whether the frame needs this pass."""
         return True
+
+    def runs(self, settings: Settings, features: frozenset[str]) -> bool:
+        """Whether it runs, given the features of the scene."""
+        return self.requires <= features and (self.enabled(settings) or bool(self.serves & features))
 
     def target_reads(self) -> Iterable[Read]:
         """Declared reads, for the pipeline's check of the order."""

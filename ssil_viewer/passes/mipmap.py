@@ -13,17 +13,18 @@ if TYPE_CHECKING:
 
 
 class Mipmap(ScreenPass):
-    """Levels 1 to the last one of depth, normal and radiance; geometry by vote, radiance by average.
+    """Levels 1 to the last one of depth and normal, by vote.
 
     Source: Soler et al. 2010, "voting mipmaps". Differs: a texel votes with the share of its footprint that it stands
     for, and the winner's surface is averaged over the texels that lie on it (docs/method/mipmap.md).
     """
 
     name = "mipmap"
+    serves = frozenset({"environment"})     # whose occlusion is looked for on coarse surfaces
     shader = "passes/mipmap.glsl"
-    reads = {"surface": Read.of("surface", offset=-1), "radiance": Read.of("radiance", offset=-1),
+    reads = {"surface": Read.of("surface", offset=-1),
              "finer_winner": Read.of("winner", offset=-1, optional=True)}
-    extends = ("surface", "radiance")
+    extends = ("surface",)
     writes = {"winner": Target("index8", "which of its four finer texels a texel kept, x + 2 y, and in the "
                                       "upper six bits the share of its footprint that lies on that surface", "coarse")}
     uniforms = {"texel": "float", "neighbours": "int"}
@@ -39,3 +40,23 @@ class Mipmap(ScreenPass):
             # texel: width of a texel that is read, in level-0 pixels. The number of neighbours is a uniform so that
             # compilers keep the loop: unrolled, it took one of them over a second.
             yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 16}, (chosen,), omit)
+
+
+class MipmapRadiance(ScreenPass):
+    """Levels 1 to the last one of radiance: the mean, so that the light that a block sends keeps its sum.
+
+    It runs after direct light, which may need the coarse surfaces.
+    """
+
+    name = "mipmap_radiance"
+    shader = "passes/mipmap_radiance.glsl"
+    reads = {"radiance": Read.of("radiance", offset=-1)}
+    extends = ("radiance",)
+
+    def enabled(self, settings: Settings) -> bool:
+        return settings.bounces > 0
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        defines = (("NEAREST", ""),) if frame.settings.mip_filter == "nearest" else ()
+        for level in range(1, frame.settings.last_level + 1):
+            yield Dispatch(level, {}, defines)

@@ -25,8 +25,8 @@ def describe(scene: Scene) -> dict[str, Any]:
 
     Returns:
         Keys `name`, `triangles` (drawn, so instances count each time), `vertices` (stored), `meshes`, `instances`,
-        `materials`, `textures`, `lights`, `cameras`, `animations`, `bounds` (`min` and `max`, metres) and
-        `warnings`. Angles are degrees.
+        `materials`, `textures`, `lights`, `environment` (or None), `cameras`, `animations`, `bounds` (`min` and `max`,
+        metres) and `warnings`. Angles are degrees.
     """
     low, high = scene.bounds()
     return {
@@ -41,6 +41,7 @@ def describe(scene: Scene) -> dict[str, Any]:
             for image in scene.images
         ],
         "lights": [_light(light) for light in scene.lights],
+        "environment": _environment(scene),
         "cameras": [_camera(camera) for camera in scene.cameras],
         "animations": list(scene.animations),
         "bounds": {"min": low.tolist(), "max": high.tolist()},
@@ -71,12 +72,25 @@ def _light(light: Light) -> dict[str, Any]:
     }
     if light.kind != "directional":
         entry["position"] = list(light.position)
+    if light.kind in ("point", "spot"):
         entry["range"] = light.range if math.isfinite(light.range) else None
-    if light.kind != "point":
+    if light.kind not in ("point", "sphere"):
         entry["direction"] = list(light.direction)
     if light.kind == "spot":
         entry["cone_degrees"] = [math.degrees(light.inner_cone), math.degrees(light.outer_cone)]
+    if light.kind == "rectangle":
+        entry |= {"width": light.width, "height": light.height, "up": list(light.up)}
+    if light.kind in ("disc", "sphere"):
+        entry["radius"] = light.radius
     return entry
+
+
+def _environment(scene: Scene) -> dict[str, Any] | None:
+    if scene.environment is None:
+        return None
+    height, width = scene.environment.radiance.shape[:2]
+    return {"name": scene.environment.name, "width": width, "height": height,
+            "largest_radiance": float(scene.environment.radiance.max())}
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
@@ -103,6 +117,9 @@ def format_description(description: dict[str, Any]) -> str:
     lines += _section("materials", [_material_line(m) for m in description["materials"]])
     lines += _section("textures", [f"{t['name']}  {t['width']}x{t['height']}" for t in description["textures"]])
     lines += _section("lights", [_light_line(light) for light in description["lights"]])
+    if (map_ := description["environment"]) is not None:
+        size = f"{map_['width']}x{map_['height']}, up to {map_['largest_radiance']:.4g} W/m^2/sr"
+        lines.append(f"  environment {printable(map_['name'], 200)}  {size}")
     lines += _section("cameras", [_camera_line(index, c) for index, c in enumerate(description["cameras"])])
     lines += _section("animations", description["animations"])
     lines += _section("warnings", description["warnings"])
@@ -135,11 +152,16 @@ def _material_line(material: dict[str, Any]) -> str:
 
 
 def _light_line(light: dict[str, Any]) -> str:
-    unit = "W/m^2" if light["kind"] == "directional" else "W/sr"
-    where = f"along {_vector(light['direction'])}" if light["kind"] != "point" else ""
+    kind = light["kind"]
+    unit = "W/m^2" if kind == "directional" else "W/sr" if kind in ("point", "spot") else "W/m^2/sr"
+    where = f"along {_vector(light['direction'])}" if "direction" in light else ""
+    if "width" in light:
+        kind += f" {light['width']:.4g} x {light['height']:.4g} m"
+    if "radius" in light:
+        kind += f" of radius {light['radius']:.4g} m"
     if light["kind"] != "directional":
         where = f"at {_vector(light['position'])} {where}".rstrip()
-    return f"{light['name']}; {light['kind']}, {light['intensity']:.4g} {unit}, {where}"
+    return f"{light['name']}; {kind}, {light['intensity']:.4g} {unit}, {where}"
 
 
 def _camera_line(index: int, camera: dict[str, Any]) -> str:

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from ssil_viewer.scene.model import Light, Scene
 
+SUN_NAME = "default sun"
+
 SUN_ELEVATION = math.radians(72.0)
 """High enough to reach the floor of a courtyard as deep as it is wide."""
 
@@ -21,9 +23,10 @@ SKY_RADIANCE = (0.35, 0.45, 0.6)
 
 
 def shines(scene: Scene) -> bool:
-    """Whether the scene has a light, or a surface that emits."""
+    """Whether the scene has a light, an environment, or a surface that emits."""
     used = {primitive.material for mesh in scene.meshes for primitive in mesh.primitives}
-    return bool(scene.lights) or any(max(scene.materials[index].emission) > 0.0 for index in used)
+    emits = any(max(scene.materials[index].emission) > 0.0 for index in used)
+    return bool(scene.lights) or scene.environment is not None or emits
 
 
 def with_default_light(scene: Scene) -> Scene:
@@ -37,7 +40,7 @@ def with_default_light(scene: Scene) -> Scene:
     azimuth = math.pi / 2 - SUN_SKEW if along_x else SUN_SKEW
     sun = Light(
         kind="directional",
-        name="default sun",
+        name=SUN_NAME,
         intensity=SUN_IRRADIANCE,
         direction=(
             -horizontal * math.sin(azimuth),
@@ -48,3 +51,8 @@ def with_default_light(scene: Scene) -> Scene:
     warning = "nothing in the scene shines, so a default sun was added"
     sky = scene.background if any(scene.background) else SKY_RADIANCE
     return replace(scene, lights=(sun,), background=sky, warnings=(*scene.warnings, warning))
+
+
+def without_default_light(lights: tuple[Light, ...]) -> tuple[Light, ...]:
+    """The lights without the sun that `with_default_light` adds: whoever brings light of another kind needs none."""
+    return tuple(light for light in lights if not (light.kind == "directional" and light.name == SUN_NAME))

@@ -27,14 +27,15 @@ BUILTIN_SCENES = {
 """Name -> what it shows."""
 
 
-def load_scene(source: str | Path) -> Scene:
+def load_scene(source: str | Path, default_light: bool = True) -> Scene:
     """Loads a scene.
 
     Args:
         source: A file, or "builtin:NAME" with a name of `BUILTIN_SCENES`.
+        default_light: Add a sun, and a warning, when nothing in the scene shines.
 
     Returns:
-        The scene, with a default light (and a warning) when it has nothing that shines.
+        The scene.
 
     Raises:
         UserError: The file is missing, of an unknown kind, broken, or without geometry.
@@ -44,7 +45,8 @@ def load_scene(source: str | Path) -> Scene:
     # Broken files hold infinities; they are looked for explicitly, so numpy need not remark on them.
     with np.errstate(all="ignore"):
         try:
-            return with_default_light(_load_file(path, name))
+            scene = _load_file(path, name)
+            return with_default_light(scene) if default_light else scene
         except MemoryError as error:
             raise UserError("there is not enough memory for the scene", str(path)) from error
 

@@ -13,9 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from ssil_viewer.scene.environment import Environment
+
 Wrap = Literal["repeat", "clamp", "mirror"]
 AlphaMode = Literal["opaque", "mask", "blend"]
-LightKind = Literal["directional", "point", "spot"]
+LightKind = Literal["directional", "point", "spot", "rectangle", "disc", "sphere"]
+AREA_KINDS: tuple[LightKind, ...] = ("rectangle", "disc", "sphere")
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,17 +142,24 @@ class Instance:
 
 @dataclass(frozen=True)
 class Light:
-    """A punctual light with glTF's units and falloff (KHR_lights_punctual).
+    """A light: punctual with glTF's units and falloff (KHR_lights_punctual), or an area that emits evenly.
+
+    Area lights cannot be seen by the camera: what should be seen needs geometry with a material that emits.
 
     Attributes:
-        kind: "directional", "point" or "spot".
+        kind: "directional", "point", "spot"; with an area "rectangle", "disc", "sphere".
         color: Linear RGB, multiplies `intensity`.
-        intensity: Point and spot: W sr^-1 (E = I cos / r^2); directional: W m^-2 (E = I cos).
-        position: World space, metres; ignored for directional lights.
-        direction: World space unit vector along which the light travels; ignored for point lights.
-        range: Metres beyond which the light is cut smoothly as glTF recommends; inf for no limit.
+        intensity: Point and spot: W sr^-1 (E = I cos / r^2); directional: W m^-2 (E = I cos); rectangle, disc and
+            sphere: radiance, W m^-2 sr^-1, the same in all directions.
+        position: World space, metres: of an area the middle; ignored for directional lights.
+        direction: World space unit vector along which the light travels. Rectangles and discs emit to this side only;
+            ignored for point lights and spheres.
+        range: Metres beyond which the light is cut smoothly as glTF recommends; inf for no limit. Point and spot only.
         inner_cone, outer_cone: Half angles in radians, 0 <= inner < outer <= pi/2; spots only.
         cast_shadow: False lets it shine through geometry.
+        width, height: Sides of a rectangle in metres; `height` goes along `up`.
+        radius: Of a disc or sphere, metres.
+        up: World space; its part across `direction` is where a rectangle's height goes. Need not be a unit vector.
     """
 
     kind: LightKind
@@ -162,6 +172,15 @@ class Light:
     inner_cone: float = 0.0
     outer_cone: float = 0.7853981633974483
     cast_shadow: bool = True
+    width: float = 1.0
+    height: float = 1.0
+    radius: float = 0.5
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+
+    @property
+    def is_area(self) -> bool:
+        """Whether it has an extent and so casts penumbrae."""
+        return self.kind in AREA_KINDS
 
 
 @dataclass(frozen=True)
@@ -190,6 +209,7 @@ class Scene:
         name: What the user typed, for titles and reports.
         materials: At least one when there is a mesh; index 0 need not be a default.
         background: Radiance shown where no surface is, linear RGB. It is a backdrop: it lights nothing.
+        environment: Light from far away in every direction, which also replaces the backdrop; no file format sets it.
         animations: Names of the animations in the file.
         warnings: One sentence for each thing that was dropped, replaced or approximated.
     """
@@ -202,6 +222,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     cameras: tuple[Camera, ...] = ()
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    environment: Environment | None = None
     animations: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default_factory=tuple)
 

@@ -121,7 +121,7 @@ def test_a_picture_with_an_unusable_camera_is_refused(monkeypatch, wrong):
 
 # Lights
 
-@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+@pytest.mark.parametrize("kind", ["point", "spot", "directional", "rectangle", "disc", "sphere"])
 def test_a_new_light_has_a_unit_direction(kind):
     assert math.hypot(*lights_panel.new_light(kind, CameraControl()).direction) == pytest.approx(1.0)
 

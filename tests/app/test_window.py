@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import os
 import shutil
 import subprocess
 import time
+from typing import get_args
 
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
+from ssil_viewer import output
 from ssil_viewer.app import glfw_window, saved_view, theme
 from ssil_viewer.app.glfw_window import open_window
 from ssil_viewer.app.panels import settings as settings_panel
@@ -22,7 +25,8 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import screen_program
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.scene import default_camera, load_scene
-from ssil_viewer.scene.model import Light
+from ssil_viewer.scene.environment import Environment
+from ssil_viewer.scene.model import Light, LightKind
 from ssil_viewer.settings import Settings
 
 pytestmark = [pytest.mark.window, pytest.mark.skipif(
@@ -460,12 +464,39 @@ def test_buffers_step_through_all_levels_and_the_inspector_reads_them(viewer):
     assert viewer.state.buffer not in (None, "view_depth")
 
 
+def test_an_environment_and_lights_are_opened_like_scenes(viewer, tmp_path):
+    """Its own sun goes when a map comes, a broken map changes nothing, and a scene opened later keeps the map."""
+    sky = tmp_path / "sky.exr"
+    output.write_exr(sky, {"": np.full((8, 16, 3), 0.5, np.float32)})
+    (tmp_path / "broken.hdr").write_bytes(b"nothing")
+    (tmp_path / "lamp.toml").write_text("keep = true\n[[light]]\nkind = 'disc'\nname = 'lamp'")
+    viewer.actions.open_path(sky)
+    turn(viewer, 2)
+    environment = viewer._renderer.environment
+    assert environment.name == str(sky) and "sky" in viewer._renderer.buffers()
+    viewer.actions.open_path(tmp_path / "broken.hdr")
+    turn(viewer, 2)
+    assert viewer._renderer.environment is environment
+    assert "broken.hdr" in viewer.state.toasts[-1].text
+    viewer.actions.open_path(tmp_path / "lamp.toml")
+    turn(viewer, 2)
+    assert viewer._renderer.lights[-1].name == "lamp" and len(viewer._renderer.lights) == 2
+    viewer.actions.open_scene("builtin:arch")
+    until(viewer, lambda: viewer.state.scene.name == "builtin:arch")
+    turn(viewer, 2)
+    assert viewer._renderer.environment is environment
+    viewer.actions.remove_environment()
+    turn(viewer, 2)
+    assert viewer._renderer.environment is None and "sky" not in viewer._renderer.buffers()
+
+
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_every_panel_draws_at_every_scale(viewer, monkeypatch, scale):
     monkeypatch.setattr(widgets, "section", lambda *_, **__: True)
     monkeypatch.setattr(imgui, "tree_node_ex", lambda text, flags: imgui.tree_node(text))
     state = viewer.state
-    state.lights = tuple(Light(kind) for kind in ("point", "spot", "directional"))
+    state.lights = tuple(Light(kind) for kind in get_args(LightKind))
+    state.scene = dataclasses.replace(state.scene, environment=Environment("sky", np.ones((2, 4, 3), np.float32)))
     state.ui_scale = scale
     state.help_open = state.about_open = True
     state.shader_error = "error"

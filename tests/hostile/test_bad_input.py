@@ -147,3 +147,16 @@ def test_a_reader_that_goes_away(workplace):
 def test_closed_standard_streams(workplace):
     command = f"{sys.executable} -m ssil_viewer info builtin:cornell >&- 2>&-"
     assert subprocess.run(command, shell=True, timeout=60).returncode == 0
+
+
+LIGHT_FILES = ["missing", "folder", "empty", "text", "loop", "", "x" * 5000, "nul\0"]
+
+
+@pytest.mark.parametrize("flag, ending", [("--environment", ".hdr"), ("--environment", ".exr"), ("--lights", ".toml")])
+@pytest.mark.parametrize("stem", LIGHT_FILES, ids=lambda stem: ascii(stem)[:30])
+def test_lights_and_environments_that_cannot_be_loaded(workplace, capsys, flag, ending, stem):
+    (workplace / f"folder{ending}").mkdir()
+    (workplace / f"empty{ending}").write_text("light = 1" if ending == ".toml" else "")
+    (workplace / f"text{ending}").write_text("this is no light")
+    (workplace / f"loop{ending}").symlink_to(f"loop{ending}")
+    complaint(["render", "builtin:cornell", "-o", "out.png", flag, stem + ending], workplace, capsys)

@@ -143,7 +143,8 @@ def test_timings_name_every_pass(tmp_path):
     words = ["render", "builtin:cornell", "--size", "64x36", "--samples", "8", "-o", "a.png", "--timings"]
     done = ssil_viewer(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for name in ("gbuffer", "direct", "mipmap", "gather", "upsample", "temporal", "composite", "whole frame"):
+    for name in ("gbuffer", "mipmap", "direct", "mipmap_radiance", "gather", "upsample", "temporal", "composite",
+                 "whole frame"):
         assert name in done.stdout
     few = ssil_viewer(*words, "--frames", "1", cwd=tmp_path)
     assert "Use --frames" in few.stdout

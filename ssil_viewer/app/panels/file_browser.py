@@ -11,9 +11,9 @@ from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import widgets
 
-_TITLE = "Open a scene, settings (.toml) or saved picture (.png)"
+_TITLE = "Open a scene, environment (.hdr, .exr), settings or lights (.toml), or saved picture (.png)"
 # What the program opens; the box shows everything when asked.
-_SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".3mf", ".dae", ".toml", ".png")
+_SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".3mf", ".dae", ".hdr", ".exr", ".toml", ".png")
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from ssil_viewer.scene.model import Light
 
 _RADIUS_EM = 0.45
 _OUTLINE = (0.0, 0.0, 0.0, 0.8)
-_ARROW_SHARE = 0.06   # length of a spot's arrow, as a share of the scene's radius
+_ARROW_SHARE = 0.06   # length of an arrow, as a share of the scene's radius
 
 
 def draw(lights: Sequence[Light], camera: CameraControl) -> None:
-    """A disc for each point and spot light in front of the camera, with an arrow along a spot's axis."""
+    """A disc for each light that has a place in front of the camera, with an arrow where it has a direction."""
     commands = imgui.get_background_draw_list()
     em = imgui.get_font_size()
     for light in lights:
@@ -29,7 +29,7 @@ def draw(lights: Sequence[Light], camera: CameraControl) -> None:
         brightest = max(*light.color, 1e-6)
         color = imgui.get_color_u32((*(c / brightest for c in light.color), 1.0))
         dark = imgui.get_color_u32(_OUTLINE)
-        if light.kind == "spot":
+        if light.kind in ("spot", "rectangle", "disc"):
             tip = np.array(light.position) + _ARROW_SHARE * camera.scene_radius * np.array(light.direction)
             end = project(camera, tip)
             if end is not None:

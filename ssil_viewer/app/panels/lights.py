@@ -12,9 +12,14 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.scene.model import Light, LightKind
+from ssil_viewer.scene.model import AREA_KINDS, Light, LightKind
 
-_KINDS: tuple[LightKind, ...] = ("point", "spot", "directional")
+_KINDS: tuple[LightKind, ...] = ("point", "spot", "directional", "rectangle", "disc", "sphere")
+_UNITS = {"directional": ("W/m\u00b2", "Irradiance facing the light."),
+          "point": ("W/sr", "Radiant intensity: irradiance at one metre."),
+          "area": ("W/m\u00b2/sr", "Radiance of the surface. It is not seen itself: for that, a mesh has to emit.")}
+_BUTTONS_PER_ROW = 3
+_SMALLEST = 1e-3     # metres
 _MAX_INTENSITY = 1e6
 _NODE = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.frame_padding
 _STEEPEST = math.radians(89.9)
@@ -47,29 +52,42 @@ def draw(state: AppState, actions: Actions) -> None:
 def new_light(kind: LightKind, camera: CameraControl) -> Light:
     """A light that shows in the present view, bright enough at the distance of what the camera looks at."""
     intensity = 3.0 if kind == "directional" else round(camera.distance ** 2, 3)
+    if kind in AREA_KINDS:
+        intensity = 30.0     # with the size below, it gives what a point light would give there
     place = 0.5 * (camera.eye + camera.target)
-    direction = _unit(_triple(camera.forward) if kind == "spot" else (-0.3, -0.9, -0.3))
-    return Light(kind, f"New {kind}", intensity=intensity, position=_triple(place), direction=direction)
+    direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(camera.forward))
+    size = max(0.2 * camera.distance, _SMALLEST)
+    return Light(kind, f"New {kind}", intensity=intensity, position=_triple(place), direction=direction,
+                 width=size, height=size, radius=size / 2)
 
 
 def _add_buttons(state: AppState) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text("Add")
-    for kind in _KINDS:
-        imgui.same_line()
+    left = imgui.get_cursor_pos_x() + imgui.calc_text_size("Add").x + imgui.get_style().item_spacing.x
+    for at, kind in enumerate(_KINDS):
+        if at % _BUTTONS_PER_ROW:
+            imgui.same_line()
+        elif at:
+            imgui.set_cursor_pos_x(left)
+        else:
+            imgui.same_line(left)
         if imgui.button(kind.capitalize()):
             state.lights += (new_light(kind, state.camera),)
 
 
 def _edit(light: Light, scene_radius: float) -> Light:
     changes: dict[str, Any] = {}
+    widgets.label("Kind")
+    kind = widgets.choice("kind", light.kind, _KINDS)
+    if kind != light.kind:
+        changes["kind"] = kind
     widgets.label("Colour", "Linear RGB; multiplies the intensity.")
     changed, color = imgui.color_edit3("##color", list(light.color), imgui.ColorEditFlags_.float)
     if changed:
         changes["color"] = _triple(color)
-    unit = "W/m\u00b2" if light.kind == "directional" else "W/sr"
-    widgets.label("Intensity", "Irradiance facing the light." if light.kind == "directional" else
-                  "Radiant intensity: irradiance at one metre.")
+    unit, meaning = _UNITS["area" if light.is_area else "point" if light.kind == "spot" else light.kind]
+    widgets.label("Intensity", meaning)
     changed, value = imgui.drag_float("##intensity", light.intensity, max(0.01 * light.intensity, 0.001), 0.0,
                                       _MAX_INTENSITY, f"%.3g {unit}", imgui.SliderFlags_.always_clamp)
     if changed:
@@ -79,10 +97,12 @@ def _edit(light: Light, scene_radius: float) -> Light:
         changed, place = widgets.vector("position", light.position, 0.003 * scene_radius)
         if changed:
             changes["position"] = place
-    if light.kind != "point":
+    if light.kind not in ("point", "sphere"):
         changes |= _edit_direction(light.direction)
     if light.kind == "spot":
         changes |= _edit_cone(light)
+    if light.is_area:
+        changes |= _edit_size(light, scene_radius)
     widgets.label("Casts shadow")
     changed, casts = imgui.checkbox("##shadow", light.cast_shadow)
     if changed:
@@ -114,6 +134,22 @@ def _edit_cone(light: Light) -> dict[str, Any]:
     if not (widened or softened):
         return {}
     return {"outer_cone": math.radians(outer), "inner_cone": math.radians(min(inner, outer - 0.5))}
+
+
+def _edit_size(light: Light, scene_radius: float) -> dict[str, Any]:
+    changes: dict[str, Any] = {}
+    for name in ("width", "height") if light.kind == "rectangle" else ("radius",):
+        widgets.label(widgets.title_of(name))
+        changed, value = imgui.drag_float(f"##{name}", getattr(light, name), 0.002 * scene_radius, _SMALLEST,
+                                          max(100.0 * scene_radius, 1.0), "%.3f m", imgui.SliderFlags_.always_clamp)
+        if changed:
+            changes[name] = value
+    if light.kind == "rectangle":
+        widgets.label("Up", "Where its height goes, across the direction.")
+        changed, up = widgets.vector("up", light.up, 0.01)
+        if changed:
+            changes["up"] = _unit(up)
+    return changes
 
 
 def _motion(state: AppState, actions: Actions) -> None:

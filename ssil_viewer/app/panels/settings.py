@@ -27,7 +27,7 @@ def draw(state: AppState, actions: Actions) -> None:
     for group, infos in groupby(sorted(knobs(), key=_group_order), key=lambda info: info.knob.group):
         imgui.separator_text(group)
         for info in infos:
-            _row(state, actions, info)
+            row(state, actions, info)
     imgui.spacing()
     if imgui.button("Reset all"):
         actions.set_settings(Settings())
@@ -87,7 +87,8 @@ def _group_order(info: KnobInfo) -> int:
     return list(dict.fromkeys(i.knob.group for i in knobs())).index(info.knob.group)
 
 
-def _row(state: AppState, actions: Actions, info: KnobInfo) -> None:
+def row(state: AppState, actions: Actions, info: KnobInfo) -> None:
+    """Name and widget of one setting."""
     value = getattr(state.settings, info.name)
     text = tooltip(info)
     reset = widgets.label(widgets.title_of(info.name), text, marked=value != info.default)

@@ -1,0 +1,158 @@
+// Share of the environment's light that reaches a surface past what the image shows, per colour channel. Directions are
+// taken slice by slice: a slice is a half turn of the plane through the view ray, whose 32 sectors are marked as blocked by the
+// surfaces met while walking along the slice's line on the screen.
+#include "lib/environment.glsl"
+#include "lib/sampling.glsl"
+
+const float PI = 3.141592653589793;
+const int SECTORS = 32;
+const float SECTOR = PI / float(SECTORS);
+const int GROUP = 4;                // sectors that share a lookup in the map: 22 degrees
+const float BLURRED = 0.6;          // roughness of the map that is looked up, as wide as the gaps between slices
+
+// The surface `coarser` levels above the one at hand.
+Surface load_level(ivec2 px, int coarser) {
+#ifdef HAS_SURFACE_1
+    if (coarser == 1) return load_surface_1(px);
+#endif
+#ifdef HAS_SURFACE_2
+    if (coarser == 2) return load_surface_2(px);
+#endif
+#ifdef HAS_SURFACE_3
+    if (coarser == 3) return load_surface_3(px);
+#endif
+    return load_surface(px);
+}
+
+// What is seen at a place in texels, exactly there: the texel's surface is followed along its plane, or else rounding would
+// leave the slice, and a plane seen at a grazing angle would hide itself.
+struct Seen {
+    vec3 position, normal;
+    float view_depth;   // 0 is background
+};
+
+Seen seen_at(vec2 at, int coarser) {
+    ivec2 px = ivec2(at) >> coarser;
+    Surface met = load_level(px, coarser);
+    vec2 scale = frame.ray_scale * texel;
+    vec3 middle = vec3(ray_from_pixel((vec2(px) + 0.5) * float(1 << coarser), scale, frame.ray_origin), -1.0);
+    vec3 ray = vec3(ray_from_pixel(at, scale, frame.ray_origin), -1.0);
+    float ahead = min(dot(met.normal, ray), -1e-4);
+    float view_depth = met.view_depth * clamp(dot(met.normal, middle) / ahead, 0.5, 2.0);
+    return Seen(ray * view_depth, met.normal, view_depth);
+}
+
+// Whether two places belong to one surface, or to two that meet: they share a plane, or their depths differ by no more than
+// a slope of 63 degrees makes over their distance on the screen. Then all that lies between them is blocked, too.
+bool connected(Seen a, Seen b, float apart) {
+    vec3 way = b.position - a.position;
+    float least = 0.1 * length(way);
+    return abs(b.view_depth - a.view_depth) < 2.0 * apart * min(a.view_depth, b.view_depth)
+        || (abs(dot(a.normal, way)) < least && abs(dot(b.normal, way)) < least);
+}
+
+// Bits of the sectors whose middle lies between two places, in sectors.
+uint sectors_between(float low, float high) {
+    int first = clamp(int(ceil(low - 0.5)), 0, SECTORS), end = clamp(int(ceil(high - 0.5)), 0, SECTORS);
+    int count = end - first;
+    if (count <= 0) return 0u;
+    return (count >= 32 ? 0xFFFFFFFFu : (1u << uint(count)) - 1u) << uint(first);
+}
+
+// A slice through the point p. to_camera and along are unit vectors at right angles in its plane; `along` is where the
+// walk goes. turn: angle of the surface's normal in the plane, from to_camera towards `along`.
+struct Slice {
+    vec3 to_camera, along;
+    float turn;
+};
+
+// Marks what lies to one side of the point.
+uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
+    // Where the point would move on the screen; all of the line is seen as this slice
+    vec3 to = slice.along * side;
+    vec2 moved = (to.xy * -p.z + p.xy * to.z) / frame.ray_scale;
+    float speed = length(moved);
+    if (speed < 1e-20) return 0u;
+    vec2 direction = moved / speed;
+    // All steps lie between the first texel and the edge of the image: what is not seen is open
+    vec2 ahead = (step(0.0, direction) * vec2(size_surface()) - center) / mix(direction, vec2(1e-6), equal(direction, vec2(0.0)));
+    float reach = min(abs(ahead.x), abs(ahead.y));
+    float growth = pow(max(reach, 1.0), 1.0 / float(steps)), radius = pow(growth, jitter);
+    if (reach <= 1.0) return 0u;
+    float texel_width = max(frame.ray_scale.x, frame.ray_scale.y) * texel;
+    uint blocked = 0u;
+    Seen before = Seen(p, vec3(0.0), 0.0);
+    float before_angle = 0.0, before_radius = 0.0;
+    for (int i = 0; i < steps; ++i) {
+        vec2 at = clamp(center + direction * radius, vec2(0.0), vec2(size_surface()) - 0.5);
+        int coarser = clamp(int(log2(radius * 0.25)), 0, coarsest);
+        Seen met = seen_at(at, coarser);
+        vec3 v = met.position - p, behind = met.position * (1.0 + thickness) - p;
+        float spacing = (radius - before_radius) * texel_width;
+        before_radius = radius;
+        radius *= growth;
+        if (met.view_depth <= 0.0) {
+            before.view_depth = 0.0;
+            continue;
+        }
+        float front_angle = acos(clamp(dot(v, slice.to_camera) * inversesqrt(max(dot(v, v), 1e-30)), -1.0, 1.0));
+        float back_angle = acos(clamp(dot(behind, slice.to_camera) * inversesqrt(max(dot(behind, behind), 1e-30)),
+                                      -1.0, 1.0));
+        vec2 span = vec2(min(front_angle, back_angle), max(front_angle, back_angle));
+        if (before.view_depth > 0.0 && connected(before, met, spacing))
+            span = vec2(min(span.x, before_angle), max(span.y, before_angle));
+        before = met;
+        before_angle = front_angle;
+        if (side < 0.0) span = -span.yx;
+        span = (span - slice.turn) / SECTOR + 0.5 * float(SECTORS);
+        blocked |= sectors_between(span.x, span.y);
+    }
+    return blocked;
+}
+
+// Adds the light of one slice: of all sectors above the horizon, and of the free ones.
+void add_slice(Slice slice, float normal_length, uint blocked, inout vec3 all, inout vec3 free) {
+    mat3 world_rotation = mat3(frame.world_from_view);
+    float angle = slice.turn - 0.5 * PI + 0.5 * SECTOR;
+    for (int first = 0; first < SECTORS; first += GROUP) {
+        float whole = 0.0, open = 0.0;
+        for (int i = 0; i < GROUP; ++i) {
+            float weight = abs(sin(angle)) * max(cos(angle - slice.turn), 0.0);
+            whole += weight;
+            open += ((blocked >> uint(first + i)) & 1u) == 0u ? weight : 0.0;
+            angle += SECTOR;
+        }
+        float middle = angle - 0.5 * float(GROUP + 1) * SECTOR;
+        vec3 toward = world_rotation * (cos(middle) * slice.to_camera + sin(middle) * slice.along);
+        vec3 radiance = environment_specular(texture_environment_specular,
+                                             environment_direction(toward, frame.environment_turn), BLURRED);
+        all += radiance * (whole * normal_length);
+        free += radiance * (open * normal_length);
+    }
+}
+
+void shade(ivec2 px) {
+    out_sky_noisy = vec4(1.0);
+    Surface surface = load_surface(px);
+    if (surface.view_depth <= 0.0) return;
+    vec2 center = vec2(px) + 0.5;
+    vec3 p = position_from_ray(ray_from_pixel(center, frame.ray_scale * texel, frame.ray_origin), surface.view_depth);
+    vec3 to_camera = normalize(-p);
+    vec3 across = normalize(cross(to_camera, abs(to_camera.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0)));
+    vec3 upward = cross(across, to_camera);
+    vec2 jitter = interleaved_4x4(px);
+    vec3 all = vec3(0.0), free = vec3(0.0);
+    for (int i = 0; i < directions; ++i) {
+        vec2 turned = direction_from_turn((float(i) + jitter.x) / (2.0 * float(directions)));
+        Slice slice;
+        slice.to_camera = to_camera;
+        slice.along = across * turned.x + upward * turned.y;
+        vec2 normal = vec2(dot(surface.normal, to_camera), dot(surface.normal, slice.along));
+        slice.turn = atan(normal.y, normal.x);
+        uint blocked = blocked_on(1.0, slice, p, center, jitter.y) | blocked_on(-1.0, slice, p, center, jitter.y);
+        add_slice(slice, length(normal), blocked, all, free);
+    }
+    // A channel without any light has no share; it counts as open
+    out_sky_noisy = vec4(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,
+                         all.b > 0.0 ? free.b / all.b : 1.0, 1.0);
+}

@@ -1,0 +1,55 @@
+"""How much of the environment's light arrives past what the image shows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
+
+if TYPE_CHECKING:
+    from ssil_viewer.pass_runner import Frame
+
+ENVIRONMENT = frozenset({"environment"})
+
+
+class Sky(ScreenPass):
+    """Occluded over unoccluded irradiance from the environment at the starting level, from screen-space horizons.
+
+    Source: Therrien et al. 2023, "Screen space indirect lighting with visibility bitmask"; slices as in Jimenez et al.
+    2016. Differs: sectors are weighted by the environment's own light, so that what hides the sun counts more than what
+    hides a dark corner; far steps read coarser levels.
+    """
+
+    name = "sky"
+    requires = ENVIRONMENT
+    shader = "passes/sky.glsl"
+    reads = {"surface": Read.of("surface"),
+             **{f"surface_{i}": Read.of("surface", offset=i, optional=True) for i in (1, 2, 3)}}
+    tables = {"environment_specular": "sampler2D"}
+    writes = {"sky_noisy": Target("rgba8", "share of the environment's irradiance that arrives, by slices that "
+                                           "differ in each of 4x4 texels", "start")}
+    uniforms = {"texel": "float", "coarsest": "int", "directions": "int", "steps": "int", "thickness": "float"}
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        settings = frame.settings
+        coarsest = min(settings.levels - 1, 3)
+        yield Dispatch(settings.start_level, {
+            "texel": float(2**settings.start_level), "coarsest": coarsest, "directions": settings.sky_directions,
+            "steps": settings.sky_steps, "thickness": settings.sky_thickness,
+        }, omit=frozenset(f"surface_{i}" for i in range(coarsest + 1, 4)))
+
+
+class SkyFilter(ScreenPass):
+    """The same without noise: a cross-bilateral filter over the 4x4 texels in which the slices differ."""
+
+    name = "sky_filter"
+    requires = ENVIRONMENT
+    shader = "passes/sky_filter.glsl"
+    reads = {"surface": Read.of("surface"), "sky_noisy": Read.of("sky_noisy")}
+    writes = {"sky": Target("rgba8", "share of the environment's irradiance that arrives", "start")}
+    uniforms = {"texel": "float", "window": "int"}
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        level = frame.settings.start_level
+        yield Dispatch(level, {"texel": float(2**level), "window": 25})

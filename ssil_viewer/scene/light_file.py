@@ -1,0 +1,146 @@
+"""Lights from a TOML file: a `[[light]]` table each, names and units of `scene.model.Light`, but angles in degrees.
+
+    keep = true             # add to the scene's lights; without it they are replaced
+
+    [[light]]
+    kind = "rectangle"      # directional, point, spot, rectangle, disc, sphere
+    position = [0, 2.9, 0]
+    direction = [0, -1, 0]
+    width = 0.6
+    height = 0.4
+    intensity = 12          # radiance, for kinds with an area
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+import typing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.model import Light, LightKind, Scene
+
+_COMMON = ("kind", "name", "color", "intensity", "cast_shadow")
+_PLACE, _WAY = ("position",), ("direction",)
+KEYS: dict[str, tuple[str, ...]] = {
+    "directional": (*_COMMON, *_WAY),
+    "point": (*_COMMON, *_PLACE, "range"),
+    "spot": (*_COMMON, *_PLACE, *_WAY, "range", "inner_cone", "outer_cone"),
+    "rectangle": (*_COMMON, *_PLACE, *_WAY, "up", "width", "height"),
+    "disc": (*_COMMON, *_PLACE, *_WAY, "radius"),
+    "sphere": (*_COMMON, *_PLACE, "radius"),
+}
+"""What each kind can be given."""
+
+_POSITIVE = ("range", "width", "height", "radius")
+_LARGEST = 1e12
+
+
+def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
+    """Reads a lights file.
+
+    Returns:
+        The lights, and whether they come on top of the scene's own.
+
+    Raises:
+        UserError: The file cannot be read, is not TOML, or has an unknown key (the nearest is named) or a bad value.
+    """
+    shown = str(path)
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError("the lights file cannot be read", shown, error.strerror or str(error)) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
+        raise UserError("the lights file is not valid TOML", shown, str(error)) from error
+    _check_names(data, ("keep", "light"), shown)
+    keep, tables = data.get("keep", False), data.get("light", [])
+    if not isinstance(keep, bool):
+        raise UserError(f"keep cannot be {keep!r}", shown, "give true or false")
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise UserError("light must be a list of tables", shown, "begin each with [[light]]")
+    return tuple(_light(table, f"{shown}, light {at}") for at, table in enumerate(tables, start=1)), keep
+
+
+def is_light_file(path: Path) -> bool:
+    """Whether a TOML file is one of lights, as far as it can be read."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool({"light", "keep"} & data.keys())
+
+
+def with_lights(scene: Scene, path: str | Path) -> Scene:
+    """The scene with the lights of a file, in place of its own or on top of them. Raises UserError as `load_lights`."""
+    lights, keep = load_lights(path)
+    return replace(scene, lights=(*scene.lights, *lights) if keep else lights)
+
+
+def _light(table: dict[str, Any], where: str) -> Light:
+    kinds = typing.get_args(LightKind)
+    kind = table.get("kind")
+    if kind not in kinds:
+        problem = f"the kind of light {kind!r} is not known" if "kind" in table else "the kind of light is missing"
+        raise UserError(problem, where, _nearest(str(kind), kinds))
+    for key in table:
+        if key not in KEYS[kind]:
+            everywhere = {name for names in KEYS.values() for name in names}
+            if key in everywhere:
+                raise UserError(f"{key!r} means nothing for a {kind} light", where, f"it takes {', '.join(KEYS[kind])}")
+            raise UserError(f"no property of a light is called {key!r}", where, _nearest(key, KEYS[kind]))
+    values = {key: _value(key, table[key], where) for key in table}
+    outer, inner = values.get("outer_cone", math.radians(45.0)), values.get("inner_cone", 0.0)
+    if not inner < outer <= math.pi / 2:
+        raise UserError("the cones do not fit", where, "inner_cone must be less than outer_cone, and that at most 90")
+    return Light(**{"name": f"{kind} {where.rpartition(' ')[2]}", **values})
+
+
+def _value(key: str, value: Any, where: str) -> Any:
+    """A value in the type that `Light` has it in."""
+    if key in ("kind", "name"):
+        if not isinstance(value, str):
+            raise UserError(f"{key} cannot be {value!r}", where, "give text in quotes")
+        return value
+    if key == "cast_shadow":
+        if not isinstance(value, bool):
+            raise UserError(f"{key} cannot be {value!r}", where, "give true or false")
+        return value
+    if key in ("position", "direction", "up", "color"):
+        return _triple(key, value, where)
+    if not _is_number(value) or value < 0.0 or (key in _POSITIVE and value == 0.0):
+        raise UserError(f"{key} cannot be {value!r}", where,
+                        f"give a number {'above' if key in _POSITIVE else 'not below'} 0")
+    return math.radians(value) if key in ("inner_cone", "outer_cone") else float(value)
+
+
+def _triple(key: str, value: Any, where: str) -> tuple[float, float, float]:
+    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(part) for part in value):
+        raise UserError(f"{key} cannot be {value!r}", where, "give three numbers, such as [0, 1, 0]")
+    x, y, z = (float(part) for part in value)
+    if key == "color" and min(x, y, z) < 0.0:
+        raise UserError(f"{key} cannot be {value!r}", where, "give numbers not below 0")
+    if key in ("direction", "up"):
+        length = math.hypot(x, y, z)
+        if length < 1e-12:
+            raise UserError(f"{key} has no length", where, "give a vector such as [0, -1, 0]")
+        return x / length, y / length, z / length
+    return x, y, z
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+def _check_names(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise UserError(f"no key of a lights file is called {key!r}", where, _nearest(key, known))
+
+
+def _nearest(name: str, known: tuple[str, ...]) -> str:
+    near = difflib.get_close_matches(name, known, 1, 0.5)
+    return f"did you mean {near[0]}?" if near else "choose " + ", ".join(known)

@@ -1,0 +1,115 @@
+"""Lights files: every kind with its properties, and one line for every mistake."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.light_file import KEYS, is_light_file, load_lights, with_lights
+from ssil_viewer.scene.model import Light, Scene
+
+COMPLETE = """
+[[light]]
+kind = "spot"
+name = "lamp"
+color = [1, 0.5, 0.25]
+intensity = 20
+position = [1, 2, 3]
+direction = [0, -2, 0]
+range = 8
+inner_cone = 10
+outer_cone = 30
+cast_shadow = false
+
+[[light]]
+kind = "rectangle"
+position = [0, 3, 0]
+up = [0, 0, 5]
+width = 0.5
+height = 2
+intensity = 7.5
+
+[[light]]
+kind = "disc"
+radius = 0.25
+
+[[light]]
+kind = "sphere"
+radius = 0.1
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "lights.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_property_is_read(tmp_path):
+    lights, keep = load_lights(write(tmp_path, COMPLETE))
+    assert not keep
+    assert lights == (
+        Light("spot", "lamp", (1, 0.5, 0.25), 20, (1, 2, 3), (0, -1, 0), 8, math.radians(10), math.radians(30), False),
+        Light("rectangle", "rectangle 2", intensity=7.5, position=(0, 3, 0), up=(0, 0, 1), width=0.5, height=2),
+        Light("disc", "disc 3", radius=0.25), Light("sphere", "sphere 4", radius=0.1))
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_lights_replace_those_of_the_scene_or_come_on_top(tmp_path, keep):
+    path = write(tmp_path, f"keep = {str(keep).lower()}\n[[light]]\nkind = 'disc'")
+    names = [light.name for light in with_lights(Scene("s", lights=(Light("point", "own"),)), path).lights]
+    assert names == (["own", "disc 1"] if keep else ["disc 1"])
+
+
+@pytest.mark.parametrize("text, expected", [
+    ("[[light]]\nkind = 'disk'", "did you mean disc?"),
+    ("[[light]]\nradius = 1", "the kind of light is missing"),
+    ("[[light]]\nkind = 'disc'\nradios = 1", "did you mean radius?"),
+    ("[[light]]\nkind = 'disc'\nwidth = 1", "'width' means nothing for a disc light"),
+    ("[[light]]\nkind = 'rectangle'\nwidth = 0", "width cannot be 0"),
+    ("[[light]]\nkind = 'rectangle'\nwidth = 'wide'", "width cannot be 'wide'"),
+    ("[[light]]\nkind = 'point'\nintensity = -1", "intensity cannot be -1"),
+    ("[[light]]\nkind = 'point'\nintensity = nan", "intensity cannot be nan"),
+    ("[[light]]\nkind = 'point'\nintensity = true", "intensity cannot be True"),
+    ("[[light]]\nkind = 'point'\nposition = [1, 2]", "give three numbers"),
+    ("[[light]]\nkind = 'point'\nposition = [1, 2, inf]", "give three numbers"),
+    ("[[light]]\nkind = 'point'\ncolor = [1, -2, 0]", "color cannot be"),
+    ("[[light]]\nkind = 'spot'\ndirection = [0, 0, 0]", "direction has no length"),
+    ("[[light]]\nkind = 'spot'\ninner_cone = 50", "the cones do not fit"),
+    ("[[light]]\nkind = 'spot'\nouter_cone = 91", "the cones do not fit"),
+    ("[[light]]\nkind = 'point'\ncast_shadow = 1", "cast_shadow cannot be 1"),
+    ("[[lights]]\nkind = 'point'", "did you mean light?"),
+    ("light = 3", "begin each with [[light]]"),
+    ("keep = 1", "keep cannot be 1"),
+    ("[[light]", "not valid TOML"),
+])
+def test_mistakes_are_named(tmp_path, text, expected):
+    with pytest.raises(UserError) as error:
+        load_lights(write(tmp_path, text))
+    assert expected in str(error.value) and "lights.toml" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_second_of_two_lights_is_named(tmp_path):
+    with pytest.raises(UserError, match="light 2"):
+        load_lights(write(tmp_path, "[[light]]\nkind = 'disc'\n[[light]]\nkind = 'disc'\nradius = -1"))
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(UserError, match="cannot be read"):
+        load_lights(tmp_path / "none.toml")
+    (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UserError, match="not valid TOML"):
+        load_lights(tmp_path / "b.toml")
+
+
+def test_lights_are_told_from_settings(tmp_path):
+    assert is_light_file(write(tmp_path, COMPLETE))
+    assert not is_light_file(write(tmp_path, "samples = 8"))
+    assert not is_light_file(tmp_path / "none.toml")
+
+
+def test_every_key_is_a_field_of_a_light():
+    fields = set(Light.__dataclass_fields__)
+    assert all(set(keys) <= fields for keys in KEYS.values())
