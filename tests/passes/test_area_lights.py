@@ -198,6 +198,15 @@ def test_three_views_see_a_hemisphere():
     assert others.min() >= -2 and others.max() <= 1
 
 
+def test_lights_of_all_kinds_add_up_in_any_order(make_renderer, stage):
+    lights = (*LIGHTS.values(), Light("point", intensity=2.0, position=(0.5, 0.5, 1.0)),
+              Light("directional", intensity=0.5, direction=(0, 0, -1)))
+    parts = sum(render(make_renderer, (WALL,), (light,), stage).read("radiance") for light in lights)
+    for order in (lights, lights[::-1]):
+        together = render(make_renderer, (WALL,), order, stage).read("radiance")
+        assert np.allclose(together, parts, rtol=0.01)
+
+
 def test_256_lights_render(make_renderer):
     """What each gives adds up, also where the atlas has no room for their shadows."""
     points = [(-2 + 4 * (i % 16) / 15, -1.5 + 3 * (i // 16) / 15, 1.0) for i in range(256)]
