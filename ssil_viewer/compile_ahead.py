@@ -11,11 +11,14 @@ from __future__ import annotations
 import os
 import threading
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Iterable, Iterator, Sequence
+
+import moderngl
 
 from ssil_viewer.gpu.context import Capabilities, create_headless_context
 from ssil_viewer.gpu.light_table import LightTable
-from ssil_viewer.pass_runner import PassRunner
+from ssil_viewer.pass_runner import Frame, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass
 from ssil_viewer.settings import Settings
@@ -64,10 +67,23 @@ def _compile(stop: threading.Event, size: tuple[int, int], settings: Settings, k
     with suppress(Exception):
         context = create_headless_context()
         try:
-            runner = PassRunner(context, passes, size, settings, keep=keep, timed=False)
-            lights = LightTable(context)
-            runner.compile_ahead(stop, lights.textures)
-            lights.release()
-            runner.release()
+            compile_programs(context, size, settings, keep, passes, stop)
         finally:
             context.release()
+
+
+@dataclass(kw_only=True)
+class _UnlitFrame(Frame):
+    lights: LightTable
+
+
+def compile_programs(context: moderngl.Context, size: tuple[int, int], settings: Settings, keep: Iterable[str],
+                     passes: Sequence[type[Pass]], stop: threading.Event) -> None:
+    """Compile in this thread, on this context, until `stop`; other arguments as of `compiling_ahead`."""
+    runner = PassRunner(context, passes, size, settings, keep=keep, timed=False)
+    lights = LightTable(context)
+    try:
+        runner.compile_ahead(stop, _UnlitFrame(runner, settings, runner.radius, lights.textures, lights=lights))
+    finally:
+        lights.release()
+        runner.release()

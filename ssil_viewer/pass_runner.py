@@ -255,7 +255,7 @@ class PassRunner:
         self._previous = view
         self.frame_index += 1
 
-    def compile_ahead(self, stop: threading.Event, tables: dict[str, moderngl.Texture]) -> None:
+    def compile_ahead(self, stop: threading.Event, frame: Frame) -> None:
         """Draw once with the program of every screen pass, which compiles it; the results mean nothing.
 
         The last pass comes first: who renders the frame meanwhile begins with the first one, and so the two do not
@@ -263,12 +263,11 @@ class PassRunner:
 
         Args:
             stop: Ends it after the program at hand.
-            tables: As of `Frame`.
+            frame: With all that the screen passes of the sequence ask for.
         """
-        frame = Frame(self, self.settings, self.radius, tables)
         with self.frame():
             for p in reversed(self.passes):
-                if isinstance(p, ScreenPass) and p.enabled(self.settings):
+                if isinstance(p, ScreenPass) and p.runs(self.settings, self.features):
                     for dispatch in p.dispatches(frame):
                         if stop.is_set():
                             return

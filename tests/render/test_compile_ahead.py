@@ -23,15 +23,13 @@ from tests import scenes
 # everything is in the cache on disk.
 _DRAW_ALL = """
 import sys, threading
+from ssil_viewer.compile_ahead import compile_programs
 from ssil_viewer.gpu.context import create_headless_context
-from ssil_viewer.gpu.light_table import LightTable
-from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.settings import Settings
 
 context = create_headless_context()
-runner = PassRunner(context, FRAME, (int(sys.argv[1]), int(sys.argv[2])), Settings(), keep=("final",), timed=False)
-runner.compile_ahead(threading.Event(), LightTable(context).textures)
+compile_programs(context, (int(sys.argv[1]), int(sys.argv[2])), Settings(), ("final",), FRAME, threading.Event())
 context.finish()
 """
 
