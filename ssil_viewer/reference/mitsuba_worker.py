@@ -193,6 +193,7 @@ class _Tracer:
         self._reflected, self._emitted = world.integrator(2), world.integrator(1)
         self._sampler = mi.load_dict({"type": "independent"})
         self._eye = np.linalg.inv(task.view_from_world)[:3, 3]
+        self._eye_point = mi.Point3f(*self._eye.tolist())
 
     def _in_image(self, point: np.ndarray) -> np.ndarray:
         """(N,) bool: inside the camera's view, for world points (N, 3)."""
@@ -211,7 +212,7 @@ class _ScalarTracer(_Tracer):
         self._sampler.seed(seed)
         light, seen = np.zeros(directions.shape), np.zeros(directions.shape[:2], bool)
         lit, shining, sampler = world.lit, world.shining, self._sampler
-        eye, origins = mi.Point3f(*self._eye), task.position.tolist()
+        eye, origins = self._eye_point, task.position.tolist()
         points, sides = np.zeros(directions.shape), np.zeros(directions.shape)
         hit = np.zeros(directions.shape[:2], bool)
         for i, around in enumerate(directions.tolist()):
@@ -269,9 +270,9 @@ class _VectorTracer(_Tracer):
         light = dr.select(hit, self._reflected.sample(world.lit, self._sampler, ray, active=hit)[0], 0.0)
         if world.shining is not None:
             light += dr.select(hit, self._emitted.sample(world.shining, self._sampler, ray, active=hit)[0], 0.0)
-        to_point = si.p - mi.Point3f(*self._eye)
+        to_point = si.p - self._eye_point
         distance = dr.norm(to_point)
-        back = mi.Ray3f(mi.Point3f(*self._eye), to_point / distance)
+        back = mi.Ray3f(self._eye_point, to_point / distance)
         back.maxt = distance * (1 - 1e-3)
         faces = dr.dot(-to_point, si.n) * dr.dot(-ray.d, si.n) > 0
         seen = hit & faces & ~world.lit.ray_test(back, active=hit & faces)
