@@ -16,7 +16,7 @@ from ssil_viewer.headless import DEFAULT_SIZE, render_frames
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference import metrics
 from ssil_viewer.reference.all_pixels import Surfaces, irradiance, random_blocks, read_surfaces
-from ssil_viewer.reference.mitsuba_export import camera_description, describe
+from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
 from ssil_viewer.scene.framing import default_camera
@@ -34,6 +34,7 @@ _RAYS_OF_PASS = 36
 _SPP_OF_PASS = 4
 
 Progress = Callable[[str, float], None]
+Trace = Callable[[Description, list[ImageTask | IrradianceTask], Progress], dict[str, dict[str, np.ndarray]]]
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,8 @@ class Comparison:
 
 def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
             camera: Camera | None = None, frames: int = 16, effort: Effort = Effort(),
-            progress: Progress = lambda what, share: None, context: moderngl.Context | None = None) -> Comparison:
+            progress: Progress = lambda what, share: None, context: moderngl.Context | None = None,
+            trace: Trace = path_trace) -> Comparison:
     """Render a view and compare it with the references.
 
     Irradiance is compared for one bounce, whatever the settings say: that is what the references have. The image has
@@ -85,6 +87,7 @@ def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Set
         camera: The scene's first one, or a view of all of it, when None.
         frames: Frames rendered before the result is taken.
         progress: Hears what is being done and the share of it that is done.
+        trace: What traces paths for R3.
 
     Raises:
         UserError: No OpenGL, or a size or camera that cannot be rendered.
@@ -93,7 +96,7 @@ def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Set
     context = context or create_headless_context()
     try:
         return _Comparing(context, scene, size, settings, camera or default_camera(scene), frames, effort,
-                          progress).run()
+                          progress, trace).run()
     finally:
         if own:
             context.release()
@@ -103,9 +106,11 @@ class _Comparing:
     """One comparison; the parts of `compare` share what is here."""
 
     def __init__(self, context: moderngl.Context, scene: Scene, size: tuple[int, int], settings: Settings,
-                 camera: Camera, frames: int, effort: Effort, progress: Progress) -> None:
+                 camera: Camera, frames: int, effort: Effort, progress: Progress,
+                 trace: Trace) -> None:
         self._context, self._scene, self._size, self._settings = context, scene, size, settings
         self._camera, self._frames, self._effort, self._progress = camera, frames, effort, progress
+        self._trace = trace
         self._done = Comparison({
             "scene": scene.name, "size": list(size), "settings": dataclasses.asdict(settings), "block": BLOCK,
             "camera": dataclasses.asdict(camera), "frames": frames, "irradiance": {}, "image": {}, "seconds": {}})
@@ -224,7 +229,7 @@ class _Comparing:
             tasks.insert(0, self._irradiance_task(receivers))
         begun = time.perf_counter()
         try:
-            found = path_trace(description, tasks, lambda name, share: self._progress(f"R3 {name}", share))
+            found = self._trace(description, tasks, lambda name, share: self._progress(f"R3 {name}", share))
         except ReferenceFailure as failure:
             self._done.warnings.append(f"R3 is left out: {failure}")
             return {}
