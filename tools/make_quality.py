@@ -89,56 +89,72 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
+def _short(scene: str) -> str:
+    return scene.removeprefix("builtin:")
+
+
 def write_page(data: dict) -> None:
     """docs/quality.md."""
-    found = [(name.split(), result) for name, result in sorted(
+    found = [(*name.split(), result) for name, result in sorted(
         data["comparisons"].items(), key=lambda item: (SCENES.index(item[0].split()[0]), item[0].endswith("horizon")))]
-    first = found[0][1]
     lines = ["# Errors against the references", "",
              "<!-- Made by tools/make_quality.py from docs/quality.json. Edit that instead. -->", "",
-             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default, each scene's own camera; "
-             f"means over {first['block']}x{first['block']} pixels. What the references are and what their differences "
-             "show: [compare.md](compare.md).", "",
-             "## Irradiance of one bounce", "",
-             "Bias, relative RMSE, and correlation of ours against each reference.", ""]
-    kinds = ("R1", "R2", "R3_visible", "R3")
-    lines += _table(("scene", "`--visibility`", *(f"{kind}" for kind in kinds)), [
-        (scene.removeprefix("builtin:"), visibility, *(
-            " ".join((_percent(x["bias"]) + ",", _number(x["relative_rmse"]) + ",", _number(x["correlation"])))
-            for x in (result["irradiance"][kind] for kind in kinds))) for (scene, visibility), result in found])
-    lines += ["Blocks compared, and the relative noise that R3 itself has left in their means: " + "; ".join(
-        f"{scene.removeprefix('builtin:')} {result['blocks']}, {_number(result['reference_noise']['R3'])}"
-        for (scene, visibility), result in found if visibility == "off") + ".", "",
-        "## What the error consists of", "",
-        "Rms differences of pairs, all over the mean of R3. They do not add up: the parts have signs, and depend on one "
-        "another.", ""]
-    heads = {"noise": "ours, seed to seed", **{key: f"{a} to {b}" for key, (a, b) in DIFFERENCES.items()}}
-    lines += _table(("scene", "`--visibility`", *heads.values()), [
-        (scene.removeprefix("builtin:"), visibility, *(_number(result["differences"].get(key)) for key in heads))
-        for (scene, visibility), result in found])
-    lines += ["## The image with one bounce, against R3", "",
-              "Relative RMSE, then FLIP. Noise is what R3's image has: relative RMSE of the whole of it, and FLIP between "
-              "two halves of its samples, which is about twice what it adds to the others.", ""]
-    lines += _table(("scene", "`--visibility`", "SSIL", "direct light alone", "with the best constant", "noise of R3"), [
-        (scene.removeprefix("builtin:"), visibility, *(
-            f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
-                *(result["image"][key] for key in ("ssil", "direct_only", "constant_ambient")), result["image_noise"])))
-        for (scene, visibility), result in found])
+             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default, own camera; "
+             f"means over {found[0][2]['block']}x{found[0][2]['block']} pixels. What the references are and what their "
+             "differences", "show: [compare.md](compare.md).", ""]
+    for part in (_irradiance, _differences, _images):
+        lines += part(found)
     if data.get("series"):
-        lines += ["## More bounces", "",
-                  f"{SERIES.removeprefix('builtin:')}, {SERIES_SIZE[0]}x{SERIES_SIZE[1]}, `--visibility horizon`: the image "
-                  "after some bounces against all light of the path tracer, and the path tracer's own image after as many.",
-                  ""]
-        lines += _table(("bounces", "bias", "relative RMSE", "path tracer after as many", "ours to that"), [
-            (str(x["bounces"]), _percent(x["bias"]), _number(x["relative_rmse"]), _number(x["path_traced_relative_rmse"]),
-             _number(x["same_bounces_relative_rmse"])) for x in data["series"]])
-    notes = sorted({(name.split()[0].removeprefix("builtin:"), warning.removeprefix("approximated in R3: "))
-                    for name, result in data["comparisons"].items() for warning in result["warnings"]})
+        lines += _series(data["series"])
+    notes = sorted({(_short(scene), warning.removeprefix("approximated in R3: "))
+                    for scene, _, result in found for warning in result["warnings"]})
     lines += ["## What R3 approximates", "", *(f"- {scene}: {note}" for scene, note in notes), ""]
-    seconds = ", ".join(f"{scene.removeprefix('builtin:')} {result['seconds']['R3']:.0f} s"
-                        for (scene, visibility), result in found if visibility == "off")
-    lines += [f"Mitsuba's variant was {data['variant']}, on software OpenGL and two shared cores; R3 took {seconds}."]
+    seconds = ", ".join(f"{_short(scene)} {result['seconds']['R3']:.0f} s"
+                        for scene, visibility, result in found if visibility == "off")
+    lines += [f"Mitsuba's variant was {data['variant']}, on two shared cores; R3 took {seconds}."]
     PAGE.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+def _irradiance(found: list[tuple[str, str, dict]]) -> list[str]:
+    kinds = ("R1", "R2", "R3_visible", "R3")
+    noise = "; ".join(f"{_short(scene)} {result['blocks']}, {_number(result['reference_noise']['R3'])}"
+                      for scene, visibility, result in found if visibility == "off")
+    return ["## Irradiance of one bounce", "",
+            "Bias, relative RMSE and correlation of ours against each reference.", "",
+            *_table(("scene", "`--visibility`", *kinds), [
+                (_short(scene), visibility, *(
+                    f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}"
+                    for x in (result["irradiance"][kind] for kind in kinds))) for scene, visibility, result in found]),
+            f"Blocks compared, and the relative noise that R3 has left in their means: {noise}.", ""]
+
+
+def _differences(found: list[tuple[str, str, dict]]) -> list[str]:
+    heads = {"noise": "ours, seed to seed", **{key: f"{a} to {b}" for key, (a, b) in DIFFERENCES.items()}}
+    return ["## What the error consists of", "",
+            "Rms differences of pairs, all over the mean of R3. They do not add up: they have signs.", "",
+            *_table(("scene", "`--visibility`", *heads.values()), [
+                (_short(scene), visibility, *(_number(result["differences"].get(key)) for key in heads))
+                for scene, visibility, result in found])]
+
+
+def _images(found: list[tuple[str, str, dict]]) -> list[str]:
+    kinds = ("ssil", "direct_only", "constant_ambient")
+    return ["## The image with one bounce, against R3", "",
+            "Relative RMSE, then FLIP. Noise is what R3's image has: the relative RMSE of the whole of it, and FLIP",
+            "between two halves of its samples, which is about twice what noise adds to the other figures.", "",
+            *_table(("scene", "`--visibility`", "SSIL", "direct light", "with best constant", "noise of R3"), [
+                (_short(scene), visibility, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
+                    *(result["image"][kind] for kind in kinds), result["image_noise"])))
+                for scene, visibility, result in found])]
+
+
+def _series(series: list[dict]) -> list[str]:
+    return ["## More bounces", "",
+            f"{_short(SERIES)}, {SERIES_SIZE[0]}x{SERIES_SIZE[1]}, `--visibility horizon`: the image after some "
+            "bounces", "against all light of the path tracer, and the path tracer's own image after as many.", "",
+            *_table(("bounces", "bias", "relative RMSE", "path tracer after as many", "ours to that"), [
+                (str(x["bounces"]), _percent(x["bias"]), *(_number(x[key]) for key in (
+                    "relative_rmse", "path_traced_relative_rmse", "same_bounces_relative_rmse"))) for x in series])]
 
 
 def main() -> None:
