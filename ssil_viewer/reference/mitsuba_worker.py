@@ -44,10 +44,14 @@ class World:
         self.lit = self._scene(lights=True, emission=False)
         self.shining = self._scene(lights=False, emission=True) if description.emissive else None
 
-    def integrator(self, depth: int, camera: bool = False):
-        """Light along paths of up to `depth` edges; -1 for all. volpath lets light through the holes of masks."""
+    def integrator(self, depth: int, hide_lamps: bool = False):
+        """Light along paths of up to `depth` edges; -1 for all. volpath lets light through the holes of masks.
+
+        Args:
+            hide_lamps: Areas and the environment are not seen themselves; surfaces that shine would not be, either.
+        """
         return self._mi.load_dict({"type": "volpath" if self.description.masked else "path", "max_depth": depth,
-                                   "rr_depth": 12 if depth < 0 else 10_000, "hide_emitters": camera})
+                                   "rr_depth": 12 if depth < 0 else 10_000, "hide_emitters": hide_lamps})
 
     def sensor(self, camera: dict[str, Any]):
         """A perspective camera."""
@@ -131,7 +135,8 @@ def render_image(world: World, task: ImageTask, report: Callable[[float], None])
     passes = max(2, -(-task.spp // task.spp_of_pass))
     for at in range(passes):
         for scene, limit in parts:
-            pixels = np.array(mi.render(scene, sensor=sensor, integrator=world.integrator(limit, camera=True),
+            integrator = world.integrator(limit, hide_lamps=scene is world.lit)
+            pixels = np.array(mi.render(scene, sensor=sensor, integrator=integrator,
                                         spp=task.spp_of_pass, seed=task.seed * 10_000 + at))
             sums[at % 2] += np.nan_to_num(pixels[..., :3], nan=0.0, posinf=0.0, neginf=0.0)
         counts[at % 2] += 1

@@ -259,7 +259,9 @@ def test_emission_lights_from_its_first_bounce_on():
     scene = scenes.scene((FLOOR, emitter), (WHITE, GLOWING))
     none, one = traced(scene, CAMERA, 0), traced(scene, CAMERA, 1, 64)
     ours = headless.render(scene, size=SIZE, camera=CAMERA, settings=Settings(bounces=0))
-    assert np.median(np.abs(none - ours["direct"]).max(-1)) == 0
+    seen = ours["direct"].sum(-1) > 0
+    assert seen.sum() > 200
+    assert np.median(none[seen], axis=0) == pytest.approx(np.median(ours["direct"][seen], axis=0), rel=1e-3)
     floor = (none.sum(-1) == 0) & (ours["view_depth"] > 0)
     assert (one[floor].sum(-1) > 0).mean() > 0.5
 
