@@ -19,9 +19,11 @@ from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Primitive, Scene, TextureRef
 from ssil_viewer.settings import Settings
 
-_WRAPS = {"repeat": "repeat", "clamp": "clamp", "mirror": "mirror"}
 _DIFFUSE_ROUGHNESS = 1.0
 """A dielectric as rough as this is Lambertian, as in shaders/passes/gbuffer.frag.glsl."""
+
+_LEAST_SPECULAR = 0.01
+"""Without any dielectric reflection Mitsuba's principled metals lose their colour: its index is 1 then."""
 
 
 @dataclass
@@ -151,6 +153,10 @@ class _Bsdfs:
     def _bsdf(self, material: Material, has_colors: bool, tint: tuple[float, float, float] | None,
               mirrored: bool) -> dict[str, Any]:
         images, notes = self._scene.images, self._notes
+        refs = (material.base_color_texture, material.metallic_roughness_texture, material.normal_texture,
+                material.emission_texture)
+        if any(ref is not None and ref.wrap_u != ref.wrap_v for ref in refs):
+            notes.add("textures that wrap differently along u and v repeat along both")
         color = np.asarray(material.base_color[:3]) * (1.0 if tint is None else np.asarray(tint))
         if material.base_color_texture is not None:
             base = _picture(images, material.base_color_texture, color, srgb=True)
@@ -199,7 +205,7 @@ class _Bsdfs:
         if dielectric > 0.08:
             self._notes.add("reflectance at normal incidence of non-metals is held below 0.08")
         described = {"type": "principled", "base_color": base, "roughness": max(roughness, 0.03), "metallic": metallic,
-                     "specular": min(dielectric / 0.08, 1.0)}
+                     "specular": min(max(dielectric / 0.08, _LEAST_SPECULAR), 1.0)}
         if ref is not None:
             described["roughness"] = _channel(images, ref, 1, roughness)
             described["metallic"] = _channel(images, ref, 2, metallic)
@@ -221,9 +227,9 @@ def _linear(pixels: np.ndarray) -> np.ndarray:
 
 def _bitmap(data: np.ndarray, ref: TextureRef, nearest: bool = False) -> dict[str, Any]:
     if ref.wrap_u == ref.wrap_v:
-        wrap = _WRAPS[ref.wrap_u]
+        wrap = ref.wrap_u       # Mitsuba has the same names
     else:
-        wrap = "repeat"     # Mitsuba has one mode for both; files that differ mostly clamp what does not tile
+        wrap = "repeat"     # Mitsuba has one mode for both
     return {"type": "bitmap", "data": np.ascontiguousarray(data, np.float32), "wrap_mode": wrap,
             "filter_type": "nearest" if nearest or ref.nearest else "bilinear", "to_uv": _uv_transform(ref)}
 

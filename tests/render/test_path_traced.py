@@ -266,12 +266,14 @@ def test_emission_lights_from_its_first_bounce_on():
     assert (one[floor].sum(-1) > 0).mean() > 0.5
 
 
-def test_glossy_metal_reflects_about_as_much():
-    """Disney's material and ours have the same lobe; of a rough metal under a point light the sums are close."""
-    metal = Material(base_color=(0.9, 0.6, 0.3, 1.0), metallic=1.0, roughness=0.5)
+@pytest.mark.parametrize("roughness", [0.5, 1.0])
+def test_glossy_metal_reflects_about_as_much(roughness):
+    """Disney's material and ours have the same lobe; of a metal under a point light the sums are close. Masking and
+    shadowing depend on one another here and not there, which takes 4 % off the roughest of metals there."""
+    metal = Material(base_color=(0.9, 0.6, 0.0, 1.0), metallic=1.0, roughness=roughness)
     ratio, median = direct_error(scenes.scene((FLOOR,), (metal,), (LIGHTS["point"],)), CAMERA)
-    assert ratio == pytest.approx(1, abs=0.03)
-    assert median < 0.05
+    assert ratio == pytest.approx(1, abs=0.03 if roughness < 1 else 0.06)
+    assert median < (0.05 if roughness < 1 else 0.08)
 
 
 def test_a_job_that_fails_says_why():

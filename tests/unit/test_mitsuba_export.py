@@ -85,6 +85,7 @@ def test_masks_are_cut_at_the_cutoff():
     (replace(DOUBLE, metallic=1.0), "principled"),
     (replace(DOUBLE, specular=1.0, ior=2.5, roughness=0.3), "below 0.08"),
     (replace(DOUBLE, emission=(1.0, 2.0, 3.0)), "front alone"),
+    (replace(DOUBLE, base_color_texture=TextureRef(0, wrap_u="clamp")), "wrap differently"),
     (replace(DOUBLE, occlusion_texture=TextureRef(0)), "occlusion maps"),
     (replace(DOUBLE, base_color_texture=TextureRef(0), normal_texture=TextureRef(0, texcoord=1)), "normal maps"),
 ])
