@@ -12,6 +12,8 @@ import pytest
 from ssil_viewer import cli
 from ssil_viewer.reference import metrics, path_traced
 from ssil_viewer.reference.compare import BLOCK, Effort, compare
+from ssil_viewer.reference.mitsuba_export import camera_description, describe
+from ssil_viewer.reference.mitsuba_job import ImageTask
 from ssil_viewer.reference.path_traced import ReferenceFailure
 from ssil_viewer.scene.model import Material
 from ssil_viewer.settings import Settings
@@ -165,6 +167,9 @@ def test_a_process_that_dies_is_told_of(monkeypatch):
     with pytest.raises(ReferenceFailure, match="does not work here.*LLVM ERROR: Cannot select.*mitsuba"):
         path_traced.working_variant()
     path_traced.working_variant.cache_clear()
+    task = ImageTask("image", camera_description(scenes.CORNELL_CAMERA, SIZE), 0, 2, 1, 1.0)
+    with pytest.raises(ReferenceFailure, match="ended before it was done.*LLVM ERROR: Cannot select"):
+        path_traced.path_trace(describe(scenes.cornell()), [task], variant="llvm_ad_rgb")
 
 
 def test_an_image_without_surfaces(context):
