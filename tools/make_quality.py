@@ -99,9 +99,9 @@ def write_page(data: dict) -> None:
         data["comparisons"].items(), key=lambda item: (SCENES.index(item[0].split()[0]), item[0].endswith("horizon")))]
     lines = ["# Errors against the references", "",
              "<!-- Made by tools/make_quality.py from docs/quality.json. Edit that instead. -->", "",
-             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default, own camera; "
-             f"means over {found[0][2]['block']}x{found[0][2]['block']} pixels. What the references are and what their "
-             "differences", "show: [compare.md](compare.md).", ""]
+             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default; means over "
+             f"{found[0][2]['block']}x{found[0][2]['block']} pixels.",
+             "What the references are and what their differences show: [compare.md](compare.md).", ""]
     for part in (_irradiance, _differences, _images):
         lines += part(found)
     if data.get("series"):

@@ -51,8 +51,8 @@ def add_flags(parser: Parser) -> None:
                        help="rays of R2 for each pixel, default 128")
     group.add_argument("--spp", type=values.whole("--spp", 1, 1_000_000), default=64, metavar="N",
                        help="samples per pixel of R3's image, default 64; its irradiance takes 9/4 as many rays")
-    group.add_argument("--time", type=values.whole("--time", 1, 1_000_000), default=240, metavar="SECONDS",
-                       help="R3 takes no more samples after so long, for irradiance and image each; default 240")
+    group.add_argument("--time", type=values.whole("--time", 1, 1_000_000), default=120, metavar="SECONDS",
+                       help="R3 takes no more samples after so long, for irradiance and image each; default 120")
     group.add_argument("--bounce-series", action="store_true",
                        help="also compare the image after 0 to 4 bounces with all light of the path tracer")
     group.add_argument("--pictures", metavar="FILE", help="write the compared images, linear, to an .npz file")

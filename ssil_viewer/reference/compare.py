@@ -56,7 +56,7 @@ class Effort:
     rays: int = 128
     path_rays: int = 144
     spp: int = 64
-    seconds: float = 240.0
+    seconds: float = 120.0
 
 
 @dataclass
