@@ -56,8 +56,8 @@ class Buffer:
 BUFFERS: dict[str, Buffer] = {
     "final": Buffer(("final",)),
     "direct": Buffer(("direct",)),
-    "indirect": Buffer(("irradiance", "all_bounces", "upsample"), meaning="irradiance E of all bounces, W m^-2, times the "
-                       "material's occlusion map"),
+    "indirect": Buffer(("irradiance", "all_bounces", "upsample"), meaning="irradiance E of all bounces, W m^-2, "
+                       "times the material's occlusion map"),
     "radiance": Buffer(("radiance",)),
     "albedo": Buffer(("albedo",), view=REFLECTANCE, meaning="diffuse reflectance"),
     "normal": Buffer(("surface",), view=NORMAL, meaning="unit normal in view space, facing the camera"),

@@ -24,7 +24,6 @@ from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
-
 # Frames after a change of light for which the temporal mean stays short where light is fed back
 SETTLING_FRAMES = 8
 
@@ -47,12 +46,13 @@ def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
         if taken := own & set(written):
             raise FrameError(f"pass {p.name} writes {sorted(taken)}, which an earlier pass owns")
         for read in p.target_reads():
-            for name in read.targets:
-                base = name.removesuffix("@previous")
-                known = base in histories if name != base else base in written or (base in own and read.offset)
-                known = known or (p.per_bounce and base in of_bounces)      # by the bounce before
-                if not known and not read.optional:
-                    raise FrameError(f"pass {p.name} reads {name}, which no earlier pass writes")
+            available = set(written) | {f"{name}@previous" for name in histories}
+            if read.offset:
+                available |= own            # another level
+            if p.per_bounce:
+                available |= of_bounces     # by the bounce before
+            if not available & set(read.targets) and not read.optional:
+                raise FrameError(f"pass {p.name} reads {' or '.join(read.targets)}, which no earlier pass writes")
         for name in p.extends:
             if name not in written:
                 raise FrameError(f"pass {p.name} extends {name}, which no earlier pass writes")

@@ -129,8 +129,8 @@ class Settings:
         "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
     visibility: Annotated[Literal["off", "voxel", "horizon"], Knob(
         "Whether geometry between sender and receiver blocks light. voxel: a grid of the view frustum is walked for "
-        "every sample, as in the talk; the gather then takes many times as long. horizon: samples lie in rows that "
-        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "off"
+        "every sample, as in the talk; the gather then takes several times as long. horizon: samples lie in rows that "
+        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "horizon"
     thickness: Annotated[float, Knob(
         "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
         "blocks.", 0.0, 1.0, group="Visibility")] = 0.1

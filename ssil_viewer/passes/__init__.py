@@ -19,6 +19,6 @@ from ssil_viewer.passes.voxelize import Voxelize
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, DepthRange, Voxelize, VoxelMipmap,
                                  Reflect, MipmapRadiance, Gather, Upsample, AddBounces, Temporal, Composite)
 
-__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "MipmapRadiance", "Pass", "Read", "Reflect", "ScreenPass", "Shadows", "Sky", "SkyFilter", "Temporal", "Upsample",
-           "VoxelMipmap", "Voxelize"]
+__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer",
+           "Mipmap", "MipmapRadiance", "Pass", "Read", "Reflect", "ScreenPass", "Shadows", "Sky", "SkyFilter",
+           "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]
