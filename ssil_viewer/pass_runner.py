@@ -121,6 +121,7 @@ class PassRunner:
         targets: The textures.
         gl: OpenGL functions that moderngl lacks.
         frame_index: Frames since the history began.
+        timers: The one place that times passes.
         features: What the scene has that not every scene has; see `set_features`.
 
     Raises:
@@ -149,7 +150,7 @@ class PassRunner:
         self.gl = GLFunctions(context)
         self._previous: View | None = None
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
-        self._timers = PassTimers(context, self.capabilities.software, timed)
+        self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
         self._bound: dict[int, int] = {}
 
@@ -226,14 +227,14 @@ class PassRunner:
         """Forget the last frames."""
         self._previous = None
         self.frame_index = 0
-        self._timers.restart()
+        self.timers.restart()
 
     # -- one frame -------------------------------------------------------------------------------------------------
 
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Around all work of one frame, once."""
-        with self._timers.frame():
+        with self.timers.frame():
             self._bound.clear()
             self.targets.swap_histories()
             try:
@@ -250,7 +251,7 @@ class PassRunner:
                                          light_count, background, history, moving))
         for p in self.passes:
             if p.runs(self.settings, self.features):
-                with self._timers.measure(p.name):
+                with self.timers.measure(p.name):
                     p.execute(frame)
         self._previous = view
         self.frame_index += 1
@@ -320,6 +321,7 @@ class PassRunner:
               outputs: dict[str, moderngl.Texture], uniforms: dict[str, object]) -> None:
         """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
         if variant not in self._programs:
+            self.timers.disturb()
             self._programs[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
         self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
 
@@ -347,7 +349,7 @@ class PassRunner:
     @property
     def timings(self) -> Timings:
         """Times of the passes over the last frames."""
-        return self._timers.timings(tuple(p.name for p in self.passes))
+        return self.timers.timings(tuple(p.name for p in self.passes))
 
     def _release_programs(self) -> None:
         for program in self._programs.values():
@@ -359,4 +361,4 @@ class PassRunner:
         self._release_programs()
         self.targets.release()
         self._uniforms.release()
-        self._timers.release()
+        self.timers.release()

@@ -17,6 +17,7 @@ from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
+from ssil_viewer.headless import read_display
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.environment import Environment, load_environment
@@ -125,9 +126,7 @@ class Actions:
     @_shows_errors
     def save_image(self) -> None:
         """Write the rendered image, without panels, to the working directory."""
-        width, height = self._renderer.size
-        pixels = np.frombuffer(self._renderer.display.read(), np.uint8).reshape(height, width, 4)
-        self.save_pixels(pixels[::-1, :, :3])
+        self.save_pixels(read_display(self._renderer))
 
     def save_window(self) -> None:
         """Write the window with its panels, as soon as this frame is drawn."""
