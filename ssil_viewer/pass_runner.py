@@ -17,7 +17,15 @@ from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
-from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, guard_band, rendered_size, target_bytes
+from ssil_viewer.gpu.targets import (
+    FORMATS,
+    Target,
+    TargetSet,
+    guard_band,
+    rendered_size,
+    target_bytes,
+    texture_bytes,
+)
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
@@ -98,7 +106,9 @@ class Frame:
     def framebuffer(self, owner: Pass, depth: bool, level: int = 0) -> moderngl.Framebuffer:
         """Framebuffer with the pass's `attachments`, for rasterizing passes."""
         targets = self.runner.targets
-        return targets.framebuffer((targets.texture(name, level) for name, _ in self.attachments(owner, level)), depth)
+        made = targets.framebuffer([targets.texture(name, level) for name, _ in self.attachments(owner, level)], depth)
+        self.runner.count_bytes([*made.color_attachments, *([made.depth_attachment] if depth else [])])
+        return made
 
     def clear(self, owner: Pass, depth: bool, level: int = 0) -> None:
         """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
@@ -153,6 +163,8 @@ class PassRunner:
         self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
         self._bound: dict[int, int] = {}
+        self._traffic: dict[str, int] | None = None
+        self._running = ""
 
     def _declare(self) -> dict[str, Target]:
         """Targets of the passes whose features are there, without the optional ones that nobody asked for."""
@@ -251,10 +263,30 @@ class PassRunner:
                                          light_count, background, history, moving))
         for p in self.passes:
             if p.runs(self.settings, self.features):
+                self._running = p.name
                 with self.timers.measure(p.name):
                     p.execute(frame)
         self._previous = view
         self.frame_index += 1
+
+    @contextmanager
+    def counting_bytes(self) -> Iterator[dict[str, int]]:
+        """Count what passes read and write: each texel of each declared input and output once per shader run.
+
+        Yields:
+            Pass name -> bytes, filled while frames run inside. Textures and triangles of the scene and shadow maps are
+            not in it: how much of them a frame touches is not known.
+        """
+        self._traffic = {}
+        try:
+            yield self._traffic
+        finally:
+            self._traffic = None
+
+    def count_bytes(self, textures: Iterable[moderngl.Texture]) -> None:
+        """The pass that runs reads or writes these textures once."""
+        if self._traffic is not None:
+            self._traffic[self._running] = self._traffic.get(self._running, 0) + sum(map(texture_bytes, textures))
 
     def compile_ahead(self, stop: threading.Event, frame: Frame) -> None:
         """Draw once with the program of every screen pass, which compiles it; the results mean nothing.
@@ -306,6 +338,8 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(name, dispatch.level) for name, _ in writes}
+        # One texture may go by two names
+        self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
         variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
         self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)

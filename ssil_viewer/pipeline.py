@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Literal, Sequence
+from typing import ContextManager, Iterable, Literal, Sequence
 
 import moderngl
 import numpy as np
@@ -273,6 +273,10 @@ class Renderer:
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
         return self._runner.target_bytes()
+
+    def counting_bytes(self) -> ContextManager[dict[str, int]]:
+        """Count what passes read and write in the frames inside; see `PassRunner.counting_bytes`."""
+        return self._runner.counting_bytes()
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
