@@ -138,6 +138,8 @@ def check_files(args: argparse.Namespace) -> dict[str, Path | None]:
     found = [path for path in files.values() if path is not None]
     if len(set(found)) < len(found):
         raise UserError("two outputs are the same file", str(found[0]), "give each its own")
+    for path in found:
+        output.check_writable(path)
     return files
 
 
@@ -162,7 +164,9 @@ def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: b
     if not console.is_terminal:
         console = Console(stderr=to_stderr, width=_PIPE_WIDTH)     # a file has no edge to wrap at
     for table in tables:
-        shown = RichTable(title=f"{title}: {table.title}", title_justify="left", box=box.SIMPLE_HEAD)
+        # On a line of its own: a title within the table would be broken to the table's width
+        console.print(f"{title}: {table.title}", markup=False, highlight=False, soft_wrap=True)
+        shown = RichTable(box=box.SIMPLE_HEAD)
         for at, name in enumerate(table.headers):
             shown.add_column(name, justify="right" if at else "left", overflow="fold")
         for row in table.rows:

@@ -43,6 +43,8 @@ class Timings:
             says so; otherwise it is the time to submit the frame, and the GPU works on by itself.
         submit: Wall time until all of the frame's commands were given to the driver; no measurement where `source` is
             "wall", since the CPU then waits after each pass.
+        rest: What of each frame's wall time is in no pass: work of the CPU between passes and, with a GPU, handing
+            over its commands. Taken frame by frame, since medians of parts need not add up to the median of the whole.
         waits: Whether `frame` lasts until the frame's work is done, so that the passes add up to it.
     """
 
@@ -50,12 +52,8 @@ class Timings:
     passes: dict[str, PassTime] = field(default_factory=dict)
     frame: PassTime = PassTime()
     submit: PassTime = PassTime()
+    rest: PassTime = PassTime()
     waits: bool = False
-
-    @property
-    def rest_ms(self) -> float:
-        """What of `frame` is in no pass: work of the CPU between passes and, with a GPU, handing over its commands."""
-        return self.frame.median_ms - sum(time.median_ms for time in self.passes.values())
 
     def adds_up(self, tolerance: float = 0.1) -> bool:
         """Whether passes and frame tell the same story, to a share of the frame's wall time; needs `waits`.
@@ -65,7 +63,7 @@ class Timings:
         """
         slack = tolerance * self.frame.median_ms
         submit = self.submit.median_ms if self.submit.count else 0.0
-        return self.waits and -slack <= self.rest_ms <= submit + slack
+        return self.waits and -slack <= self.rest.median_ms <= submit + slack
 
 
 def summarize(samples: deque[float] | list[float]) -> PassTime:
@@ -208,7 +206,9 @@ class PassTimers:
         times = {name: [r.passes[name] for r in records if name in r.passes] for name in order}
         passes = {name: summarize(samples) for name, samples in times.items() if samples}
         submits = [r.submit for r in records if r.submit is not None]
-        return Timings(self.source, passes, summarize([r.frame for r in records]), summarize(submits), self.waits)
+        rests = [r.frame - sum(r.passes.values()) for r in records]
+        return Timings(self.source, passes, summarize([r.frame for r in records]), summarize(submits),
+                       summarize(rests), self.waits)
 
     def release(self) -> None:
         """Drop the queries; moderngl has no call that deletes them before their context goes."""

@@ -196,7 +196,7 @@ def _row(row: Row, copy: CopySpeed) -> dict[str, Any]:
             **{f"{group}_ms": groups[group] for group in TALK},
             "total_ms": total_ms(groups), "frame_wall_ms": timings.frame.median_ms,
             "frame_p10_ms": timings.frame.p10_ms, "frame_p90_ms": timings.frame.p90_ms,
-            **submit, "rest_ms": timings.rest_ms, "adds_up": timings.adds_up(), "target_bytes": row.target_bytes}
+            **submit, "rest_ms": timings.rest.median_ms, "adds_up": timings.adds_up(), "target_bytes": row.target_bytes}
 
 
 def _spread(time: PassTime) -> dict[str, float]:

@@ -72,7 +72,8 @@ def notes(report: dict[str, Any]) -> list[str]:
     copy = report["copy"]
     found = [f"Times are by {report['clock']}.",
              "Floor: declared inputs and outputs once each at the speed of a copy, "
-             f"{copy['bytes_per_second'] / 1e9:.3g} GB/s ({copy['median_ms']:.3g} ms for {copy['bytes'] / 1e6:.3g} MB)."]
+             f"{copy['bytes_per_second'] / 1e9:.3g} GB/s ({copy['median_ms']:.3g} ms for "
+             f"{copy['bytes'] / 1e6:.3g} MB)."]
     apart = sum(not row["adds_up"] for row in report["rows"])
     if apart:
         found.append(f"In {apart} row{'s' if apart > 1 else ''} the passes do not add up to the frame within 10 %: "
