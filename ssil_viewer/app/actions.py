@@ -11,6 +11,7 @@ from typing import Any, Callable, Protocol, TypeVar
 import numpy as np
 
 from ssil_viewer.app import saved_view
+from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_control import CameraControl, camera_flags
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
@@ -69,6 +70,7 @@ class Actions:
         self._renderer = renderer
         self._loader = loader
         self._window = window
+        self.benchmark = WindowBenchmark(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
@@ -165,6 +167,16 @@ class Actions:
     def save_settings(self, path: Path) -> None:
         """Write the settings that differ from the defaults."""
         self.state.say(f"Saved {saved_view.save_settings(path, self.state.settings)}")
+
+    @_shows_errors
+    def start_benchmark(self) -> None:
+        """Measure the present view under the settings of the talk's timing table."""
+        self.benchmark.start()
+
+    @_shows_errors
+    def save_benchmark(self) -> None:
+        """Write what was measured to the working directory."""
+        self.state.say(f"Saved {self.benchmark.save(Path.cwd())}")
 
     # The scene
 
