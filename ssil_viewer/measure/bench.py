@@ -76,17 +76,20 @@ class Bench:
         renderer: Its settings are changed; who owns it sets them again afterwards.
         rows: Settings of each row.
         frames: Frames of each row that count; None takes `FRAMES`.
+        floors: Measure the speed of a copy, too.
 
     Attributes:
         rows: What has been measured so far.
-        copy: Speed of a plain copy; None before the first step.
+        copy: Speed of a plain copy; None before the first step, and without `floors`.
     """
 
-    def __init__(self, renderer: Renderer, camera: Camera, rows: Sequence[Settings], frames: int | None = None) -> None:
+    def __init__(self, renderer: Renderer, camera: Camera, rows: Sequence[Settings], frames: int | None = None,
+                 floors: bool = True) -> None:
         self.renderer = renderer
         self.frames = frames or FRAMES[renderer.timers.source]
         self.rows: list[Row] = []
         self.copy: CopySpeed | None = None
+        self._floors = floors
         self._scene, self._lights, self._size = renderer.scene, renderer.lights, renderer.size
         self._camera = camera
         self._waiting = list(rows)
@@ -121,7 +124,7 @@ class Bench:
         if self.done:
             return
         renderer = self.renderer
-        if self.copy is None:
+        if self.copy is None and self._floors:
             self.copy = measure_copy(renderer.context, renderer.size, renderer.stage)
         if (self._scene, self._size) != (renderer.scene, renderer.size):
             raise UserError("the benchmark ended: scene or size changed")
@@ -164,6 +167,16 @@ class Bench:
                 "rows": [_row(row, self.copy) for row in self.rows]}
 
 
+def measure_row(renderer: Renderer, camera: Camera, settings: Settings, frames: int) -> Row:
+    """One row alone, without floors; the timers are given back."""
+    bench = Bench(renderer, camera, [settings], frames, floors=False)
+    try:
+        bench.run()
+    finally:
+        bench.close()
+    return bench.rows[0]
+
+
 def describe(renderer: Renderer) -> dict[str, Any]:
     """Where something was measured, and with which clock."""
     able, source = renderer.capabilities, renderer.timers.source
@@ -186,7 +199,7 @@ def changed_settings(settings: Settings) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value != defaults[name]}
 
 
-def _row(row: Row, copy: CopySpeed) -> dict[str, Any]:
+def _row(row: Row, copy: CopySpeed | None) -> dict[str, Any]:
     groups, timings = group_times(row.timings.passes), row.timings
     submit = {"submit_ms": timings.submit.median_ms} if timings.submit.count else {}
     return {**{name: getattr(row.settings, name) for name in ROW_NAMES},
@@ -203,9 +216,9 @@ def _spread(time: PassTime) -> dict[str, float]:
     return {"median_ms": time.median_ms, "p10_ms": time.p10_ms, "p90_ms": time.p90_ms}
 
 
-def _floor(time: PassTime, count: int, copy: CopySpeed) -> dict[str, float]:
+def _floor(time: PassTime, count: int, copy: CopySpeed | None) -> dict[str, float]:
     """The least time for a pass's bytes, and how many times that it takes; nothing where no bytes are known."""
-    if not count:
+    if not count or copy is None:
         return {}
     floor = copy.floor_ms(count)
     return {"bytes": count, "floor_ms": floor, "times_floor": time.median_ms / floor}

@@ -41,10 +41,10 @@ def sums_table(report: dict[str, Any]) -> Table:
                "p10 .. p90", "rest", "targets MB")
     rows = []
     for row in report["rows"]:
-        numbers = [_ms(row[name]) for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms",
+        numbers = [milliseconds(row[name]) for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms",
                                                "total_ms", "frame_wall_ms")]
-        spread = f"{_ms(row['frame_p10_ms'])} .. {_ms(row['frame_p90_ms'])}"
-        rows.append((_row_title(row, names), *numbers, spread, _ms(row["rest_ms"]),
+        spread = f"{milliseconds(row['frame_p10_ms'])} .. {milliseconds(row['frame_p90_ms'])}"
+        rows.append((_row_title(row, names), *numbers, spread, milliseconds(row["rest_ms"]),
                      f"{row['target_bytes'] / 1e6:.1f}"))
     return Table(f"ms, median of {report['frames']} frames", headers, tuple(rows))
 
@@ -86,10 +86,11 @@ def to_json(report: dict[str, Any]) -> str:
     return json.dumps(report, indent=1, allow_nan=False) + "\n"
 
 
-def to_markdown(report: dict[str, Any], tables: Iterable[Table] | None = None) -> str:
-    """The tables as Markdown."""
+def to_markdown(report: dict[str, Any], tables: Iterable[Table] | None = None,
+                remarks: Iterable[str] | None = None) -> str:
+    """The tables as Markdown, with the remarks above them; without either, those of a benchmark."""
     tables = [sums_table(report), *pass_tables(report)] if tables is None else tables
-    parts = [f"# {heading(report)}\n", *(f"{note}\n" for note in notes(report))]
+    parts = [f"# {heading(report)}\n", *(f"{note}\n" for note in (notes(report) if remarks is None else remarks))]
     return "\n".join([*parts, *(_markdown_table(table, report) for table in tables)])
 
 
@@ -144,10 +145,10 @@ def _pass_cell(values: dict[str, float] | None) -> str:
     if values is None:
         return "-"
     floor = f" ({values['times_floor']:.1f})" if "times_floor" in values else ""
-    return _ms(values["median_ms"]) + floor
+    return milliseconds(values["median_ms"]) + floor
 
 
-def _ms(value: float) -> str:
+def milliseconds(value: float) -> str:
     """Three digits that mean something, never an exponent."""
     return f"{value:.3f}" if abs(value) < 1 else f"{value:.2f}" if abs(value) < 100 else f"{value:.0f}"
 
