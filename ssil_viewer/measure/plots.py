@@ -44,6 +44,8 @@ def write(path: Path, report: dict[str, Any]) -> None:
 
 def _draw(axes: Any, series: dict[str, Any]) -> None:
     """Times over load on logarithmic axes, and what the rule expects from the first point on."""
+    from matplotlib import ticker
+
     points = series["points"]
     loads = [point["load"] for point in points]
     least = [point["least_ms"] for point in points]
@@ -54,6 +56,8 @@ def _draw(axes: Any, series: dict[str, Any]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks(loads, [point["label"] for point in points], rotation=30, fontsize=7)
+    axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     axes.minorticks_off()
     # A flat line should look flat: at least one decade of height
     low, high = axes.get_ylim()

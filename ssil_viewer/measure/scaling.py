@@ -1,4 +1,4 @@
-"""How the indirect passes scale: with what should not matter to them, and with what they should follow in proportion."""
+"""How the indirect passes scale: with what should not matter to them, and with what they should follow."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ the time grows at most so many times as much as the load."""
 FRAMES = {"gpu": 60, "wall": 5}
 _ROUNDS = 3         # each point is measured so often, in turn with the others: what disturbs one time misses another
 _QUICK_ROUNDS = 2
-_SHADOWS = 256      # shadow map resolution of the lights' series: 256 point lights still fit into one atlas
 
 _GATHER = ("indirect",)
 _ALL = ("indirect", "upsampling_compositing")
@@ -120,7 +119,7 @@ def _series(renderer: Renderer, settings: Settings, quick: bool) -> Iterable[Ser
     scene, size = renderer.scene, renderer.size
     yield _triangles(renderer, scene, settings, TRIANGLES.of(quick))
     if scene.lights:
-        yield _lights(renderer, scene, dataclasses.replace(settings, shadow_resolution=_SHADOWS), LIGHTS.of(quick))
+        yield _lights(renderer, scene, settings, LIGHTS.of(quick))
     sizes = [(round(height * size[0] / size[1]), height) for height in HEIGHTS.of(quick)]
     yield Series("image size", "linear", _ALL, tuple(
         Point(f"{w}x{h}", _pixels((w, h), settings), lambda wh=(w, h): renderer.resize(wh), settings)
