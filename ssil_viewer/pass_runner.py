@@ -338,8 +338,8 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(name, dispatch.level) for name, _ in writes}
-        # One texture may go by two names
-        self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
+        if self._traffic is not None:   # one texture may go by two names
+            self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
         variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
         self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
