@@ -56,7 +56,7 @@ class Buffer:
 BUFFERS: dict[str, Buffer] = {
     "final": Buffer(("final",)),
     "direct": Buffer(("direct",)),
-    "indirect": Buffer(("irradiance", "upsample"), meaning="irradiance E of all bounces, W m^-2, times the "
+    "indirect": Buffer(("irradiance", "all_bounces", "upsample"), meaning="irradiance E of all bounces, W m^-2, times the "
                        "material's occlusion map"),
     "radiance": Buffer(("radiance",)),
     "albedo": Buffer(("albedo",), view=REFLECTANCE, meaning="diffuse reflectance"),
@@ -74,7 +74,12 @@ BUFFERS: dict[str, Buffer] = {
                      "4 * the share of its footprint in 63rds"),
     "gather": Buffer(("gather",)),
     "light": Buffer(("light",)),
-    "upsample": Buffer(("upsample",)),
+    "upsample": Buffer(("all_bounces", "upsample"), meaning="irradiance of all bounces in this frame alone, W m^-2"),
+    "bounce_radiance": Buffer(("bounce_radiance",)),
+    "bounce_1": Buffer(("upsample",)),
+    "bounce_2": Buffer(("upsample_2",)),
+    "bounce_3": Buffer(("upsample_3",)),
+    "bounce_4": Buffer(("upsample_4",)),
     "sky": Buffer(("sky",), view=REFLECTANCE),
     "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
 }

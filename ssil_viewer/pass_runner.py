@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Iterable, Iterator, Literal, Sequence
 
 import moderngl
@@ -32,6 +33,10 @@ from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
 
+# Frames after a change of light for which the temporal mean stays short where light is fed back
+SETTLING_FRAMES = 8
+
+
 class FrameError(Exception):
     """The declared passes do not fit together: a programming error, found before any OpenGL call."""
 
@@ -44,6 +49,7 @@ def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
     """
     written: dict[str, Target] = {}
     histories = {name for p in passes for name, target in p.writes.items() if target.history}
+    of_bounces = {name for p in passes if p.per_bounce for name in p.writes}
     for p in passes:
         own = set(p.writes)
         if taken := own & set(written):
@@ -52,6 +58,7 @@ def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
             for name in read.targets:
                 base = name.removesuffix("@previous")
                 known = base in histories if name != base else base in written or (base in own and read.offset)
+                known = known or (p.per_bounce and base in of_bounces)      # by the bounce before
                 if not known and not read.optional:
                     raise FrameError(f"pass {p.name} reads {name}, which no earlier pass writes")
         for name in p.extends:
@@ -69,6 +76,7 @@ class Frame:
         radius: Of disc and rings in texels of each level.
         tables: Textures that are not targets, by GLSL name.
         has_occlusion_maps: The target `albedo` is there and its alpha darkens indirect light somewhere.
+        bounce: Which one the passes that work per bounce are at, from 1 on.
     """
 
     runner: PassRunner
@@ -76,6 +84,7 @@ class Frame:
     radius: float
     tables: dict[str, moderngl.Texture] = field(default_factory=dict)
     has_occlusion_maps: bool = False
+    bounce: int = 1
 
     @property
     def context(self) -> moderngl.Context:
@@ -114,6 +123,10 @@ class Frame:
         """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
         formats = (FORMATS[form] for _, form in self.attachments(owner, level))
         self.runner.gl.clear([form.dtype.startswith("u") for form in formats], depth)
+
+
+def _timed_name(p: Pass, bounce: int) -> str:
+    return p.name if bounce == 1 else f"{p.name} {bounce}"
 
 
 class PassRunner:
@@ -159,6 +172,7 @@ class PassRunner:
         self.frame_index = 0
         self.gl = GLFunctions(context)
         self._previous: View | None = None
+        self._settling = 0
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
         self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
@@ -259,15 +273,24 @@ class PassRunner:
             background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False) -> None:
         """Run the enabled passes, within `frame()`. Arguments as of `make_frame`."""
         history = self.settings.temporal and self._previous is not None
+        # Light that is fed back goes around: it takes some frames until a change has reached all of it
+        self._settling = SETTLING_FRAMES if moving and self.settings.feeds_back else max(self._settling - 1, 0)
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
-                                         light_count, background, history, moving))
-        for p in self.passes:
-            if p.runs(self.settings, self.features):
-                self._running = p.name
-                with self.timers.measure(p.name):
-                    p.execute(frame)
+                                         light_count, background, history, moving or self._settling > 0))
+        for p, frame.bounce in self._schedule():
+            self._running = _timed_name(p, frame.bounce)
+            with self.timers.measure(self._running):
+                p.execute(frame)
         self._previous = view
         self.frame_index += 1
+
+    def _schedule(self) -> Iterator[tuple[Pass, int]]:
+        """The passes of a frame with the number of the bounce, from 1 on; neighbours that work per bounce repeat."""
+        running = [p for p in self.passes if p.runs(self.settings, self.features)]
+        for per_bounce, neighbours in groupby(running, key=lambda p: p.per_bounce):
+            group = list(neighbours)
+            for bounce in range(1, self.settings.gathered_bounces + 1) if per_bounce else (1,):
+                yield from ((p, bounce) for p in group if bounce >= p.first_bounce)
 
     @contextmanager
     def counting_bytes(self) -> Iterator[dict[str, int]]:
@@ -319,7 +342,7 @@ class PassRunner:
     def running_targets(self) -> set[str]:
         """Declared targets of the passes that run under the current settings."""
         return {name for p in self.passes if p.runs(self.settings, self.features)
-                for name in p.writes if name in self.declared}
+                for name in p.writes if name in self.declared and self.declared[name].exists(self.settings)}
 
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
@@ -328,7 +351,7 @@ class PassRunner:
         for name, read in screen_pass.reads.items():
             if name in dispatch.omit:
                 continue
-            target = self._resolve(read, running)
+            target = dispatch.targets.get(name) or self._resolve(read, running)
             if read.offset == "start":
                 level = self.settings.start_level
             else:
@@ -337,7 +360,7 @@ class PassRunner:
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
-        outputs = {name: self.targets.texture(name, dispatch.level) for name, _ in writes}
+        outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
         if self._traffic is not None:   # one texture may go by two names
             self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
         variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
@@ -383,7 +406,7 @@ class PassRunner:
     @property
     def timings(self) -> Timings:
         """Times of the passes over the last frames."""
-        return self.timers.timings(tuple(p.name for p in self.passes))
+        return self.timers.timings(tuple(_timed_name(p, bounce) for p, bounce in self._schedule()))
 
     def _release_programs(self) -> None:
         for program in self._programs.values():

@@ -149,7 +149,11 @@ class Settings:
         "coarsest level. Costs what so many more pixels cost.",
         0, 25, "%", affects="resources")] = 0
     bounces: Annotated[int, Knob(
-        "Indirect bounces; 0 shows direct light only and skips the indirect passes.", 0, 1)] = 1
+        "Indirect bounces; 0 shows direct light only and skips the indirect passes. Each costs as much as the first.",
+        0, 4, affects="resources")] = 1
+    feedback: Annotated[bool, Knob(
+        "Light of the last frame is sent on: all further bounces for the price of one, a frame apart. Needs bounces "
+        "and the temporal filter; bounces beyond the first are not gathered then.", affects="resources")] = False
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
         "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
         "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"
@@ -158,7 +162,7 @@ class Settings:
         "nearest shows the blocks, for comparison.", group="Upsampling")] = "bilateral"
     temporal: Annotated[bool, Knob(
         "Reuse of the last frames' light by reverse reprojection. Removes noise and flicker at a constant "
-        "cost.", group="Temporal")] = True
+        "cost.", affects="resources", group="Temporal")] = True
     temporal_frames: Annotated[int, Knob(
         "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
         1, 256, "frames", log=True, group="Temporal")] = 32
@@ -204,6 +208,16 @@ class Settings:
     def last_level(self) -> int:
         """Coarsest level of the pyramid that the gather reads."""
         return self.start_level + self.levels - 1
+
+    @property
+    def feeds_back(self) -> bool:
+        """Whether the light of the last frame is sent on."""
+        return self.feedback and self.temporal and self.bounces > 0
+
+    @property
+    def gathered_bounces(self) -> int:
+        """Bounces that are gathered one after the other in a frame."""
+        return 1 if self.feeds_back else self.bounces
 
     def affected_by(self, other: Settings) -> Affects | None:
         """The strongest invalidation that going from self to `other` needs, or None if they are equal."""

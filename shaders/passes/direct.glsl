@@ -40,6 +40,14 @@ vec3 environment_background(vec2 ray) {
 }
 #endif
 
+#ifdef HAS_HISTORY
+#include "lib/reproject.glsl"
+
+// No surface sends on more than this share of what the last frame brought it. Screen-space sums can exceed what
+// arrives where surfaces meet, and what grows a little with every frame grows without end.
+const float MOST_SENT_ON = 0.95;
+#endif
+
 void shade(ivec2 px) {
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) {
@@ -98,4 +106,9 @@ void shade(ivec2 px) {
 #endif
     out_radiance = emission + albedo * irradiance * (1.0 / PI);
     out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
+#ifdef HAS_HISTORY
+    vec4 history;
+    if (frame.history_frames > 0 && find_history(px, surface, history))
+        out_radiance += min(albedo, MOST_SENT_ON) * history.rgb * (1.0 / PI);
+#endif
 }

@@ -181,8 +181,8 @@ def growth(rule: str, points: Sequence[tuple[float, float]]) -> float:
 def _point(point: Point, groups: tuple[str, ...]) -> dict[str, Any]:
     """Median of the rounds' medians; and the least of their tenth percentiles, which the verdict is about."""
     def total(row: Row, quantile: str) -> float:
-        return sum(getattr(row.timings.passes[name], quantile) for group in groups for name in GROUPS[group]
-                   if name in row.timings.passes)
+        found = group_times(row.timings.passes, quantile)
+        return sum(found[group] for group in groups)
 
     sums = [group_times(row.timings.passes) for row in point.rows]
     return {"label": point.label, "load": point.load,

@@ -16,7 +16,7 @@ import numpy as np
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.measure.bench import changed_settings, describe, measure_row, row_name
-from ssil_viewer.measure.groups import GROUPS, TALK, group_times, total_ms
+from ssil_viewer.measure.groups import TALK, group_times, total_ms
 from ssil_viewer.measure.tables import Table, milliseconds
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
@@ -72,7 +72,8 @@ def reference_settings(base: Settings, chains: Sequence[Sequence[Settings]]) -> 
     """The same method at its best, which reaches at least as far as any candidate."""
     start = _REFERENCE_START[base.visibility]
     last = max(chain[0].last_level for chain in chains)
-    return dataclasses.replace(base, start_level=start, levels=min(last - start + 1, 8), temporal=True,
+    # A single frame has no light fed back from the frame before
+    return dataclasses.replace(base, start_level=start, levels=min(last - start + 1, 8), temporal=True, feedback=False,
                                samples=_REFERENCE_SAMPLES[base.visibility], temporal_frames=_REFERENCE_FRAMES)
 
 
@@ -106,7 +107,7 @@ def tune(renderer: Renderer, camera: Camera, budget_ms: float, pinned: Mapping[s
             progress(row_name(settings), done, total)
             passes = measure_row(renderer, camera, settings, frames).timings.passes
             groups = group_times(passes)
-            least = sum(passes[name].p10_ms for group in TALK for name in GROUPS[group] if name in passes)
+            least = total_ms(group_times(passes, "p10_ms"))
             error = relative_rmse(_single_frame(renderer, camera, settings), truth, visible)
             tried.append(Candidate(settings, total_ms(groups), least, error, groups))
     finally:

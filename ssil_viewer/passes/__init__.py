@@ -8,6 +8,7 @@ from ssil_viewer.passes.gather import Gather
 from ssil_viewer.passes.gbuffer import GBuffer
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
 from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
+from ssil_viewer.passes.reflect import AddBounces, Reflect
 from ssil_viewer.passes.shadows import Shadows
 from ssil_viewer.passes.sky import Sky, SkyFilter
 from ssil_viewer.passes.temporal import Temporal
@@ -16,8 +17,8 @@ from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
 from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, DepthRange, Voxelize, VoxelMipmap,
-                                 MipmapRadiance, Gather, Upsample, Temporal, Composite)
+                                 Reflect, MipmapRadiance, Gather, Upsample, AddBounces, Temporal, Composite)
 
-__all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "MipmapRadiance", "Pass", "Read", "ScreenPass", "Shadows", "Sky", "SkyFilter", "Temporal", "Upsample",
+__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
+           "MipmapRadiance", "Pass", "Read", "Reflect", "ScreenPass", "Shadows", "Sky", "SkyFilter", "Temporal", "Upsample",
            "VoxelMipmap", "Voxelize"]

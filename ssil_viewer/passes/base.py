@@ -45,12 +45,14 @@ class Dispatch:
         uniforms: Values of the loose uniforms.
         defines: Preprocessor definitions: each combination is a program of its own.
         omit: GLSL names of optional reads and writes that this run does without.
+        targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
     """
 
     level: int = 0
     uniforms: dict[str, object] = field(default_factory=dict)
     defines: tuple[tuple[str, str], ...] = ()
     omit: frozenset[str] = frozenset()
+    targets: dict[str, str] = field(default_factory=dict)
 
 
 class Pass:
@@ -60,6 +62,8 @@ class Pass:
         name: Under which it is timed and shown.
         writes: Targets it owns; names are unique in the whole frame.
         extends: Targets of earlier passes of which it writes further levels.
+        per_bounce: It runs for each bounce of light; neighbours in the frame do so together, in turn.
+        first_bounce: From which bounce on.
         requires: Features of the scene without which it never runs, and its targets do not exist.
         serves: Features of the scene with which it runs even where `enabled` says no.
     """
@@ -67,6 +71,8 @@ class Pass:
     name: ClassVar[str]
     writes: ClassVar[dict[str, Target]] = {}
     extends: ClassVar[tuple[str, ...]] = ()
+    per_bounce: ClassVar[bool] = False
+    first_bounce: ClassVar[int] = 1
     requires: ClassVar[frozenset[str]] = frozenset()
     serves: ClassVar[frozenset[str]] = frozenset()
 

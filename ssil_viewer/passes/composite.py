@@ -18,7 +18,7 @@ class Composite(ScreenPass):
     name = "composite"
     shader = "passes/composite.glsl"
     reads = {"direct": Read.of("direct"), "albedo": Read.of("albedo", optional=True),
-             "irradiance": Read.of("irradiance", "upsample", optional=True)}
+             "irradiance": Read.of("irradiance", "all_bounces", "upsample", optional=True)}
     writes = {
         "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True, cropped=True),
         "display": Target("rgba8", "the picture, sRGB-encoded", cropped=True),

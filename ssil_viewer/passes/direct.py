@@ -23,7 +23,10 @@ class Direct(ScreenPass):
     shader = "passes/direct.glsl"
     reads = {"surface": Read.of("surface"), "albedo": Read.of("albedo"), "specular": Read.of("specular"),
              "emission": Read.of("emission"), "sky": Read.of("sky", offset="start", optional=True),
-             "start_surface": Read.of("surface", offset="start", optional=True)}
+             "start_surface": Read.of("surface", offset="start", optional=True),
+             "motion": Read.of("motion", optional=True),
+             "previous_surface": Read.of("surface@previous", optional=True),
+             "history": Read.of("irradiance@previous", optional=True)}
     tables = {"lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
               "environment": "sampler2D", "environment_irradiance": "sampler2D", "environment_specular": "sampler2D"}
     writes = {
@@ -38,5 +41,7 @@ class Direct(ScreenPass):
         uniforms = {"start_texel": float(2**frame.settings.start_level),
                     "punctual_lights": frame.lights.punctual_count}
         defines = tuple((f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds)
-        omit = frozenset() if frame.has_feature("environment") else frozenset({"sky", "start_surface"})
-        yield Dispatch(0, uniforms, defines, omit)
+        omit = set() if frame.has_feature("environment") else {"sky", "start_surface"}
+        if not frame.settings.feeds_back:
+            omit |= {"motion", "previous_surface", "history"}
+        yield Dispatch(0, uniforms, defines, frozenset(omit))

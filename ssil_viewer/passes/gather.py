@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class Gather(ScreenPass):
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
               "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
                                      "direction; black at the other levels", "gather")}
+    per_bounce = True
     uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int", "directions": "int", "steps": "int"}
 
     def enabled(self, settings: Settings) -> bool:
@@ -50,4 +52,4 @@ class Gather(ScreenPass):
             inner = 0.0 if level == first else frame.radius / 2
             # The near field is a uniform, not a definition: a second program would compile for longer than it saves
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
-                                   **rows}, chosen, frozenset(unread))
+                                   **rows}, chosen, frozenset(unread), sent_radiance(frame.bounce))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class MipmapRadiance(ScreenPass):
     shader = "passes/mipmap_radiance.glsl"
     reads = {"radiance": Read.of("radiance", offset=-1)}
     extends = ("radiance",)
+    per_bounce = True
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -59,4 +61,4 @@ class MipmapRadiance(ScreenPass):
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         defines = (("NEAREST", ""),) if frame.settings.mip_filter == "nearest" else ()
         for level in range(1, frame.settings.last_level + 1):
-            yield Dispatch(level, {}, defines)
+            yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce))

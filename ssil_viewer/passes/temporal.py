@@ -16,7 +16,7 @@ class Temporal(ScreenPass):
 
     name = "temporal"
     shader = "passes/temporal.glsl"
-    reads = {"surface": Read.of("surface"), "upsample": Read.of("upsample"), "motion": Read.of("motion"),
+    reads = {"surface": Read.of("surface"), "upsample": Read.of("all_bounces", "upsample"), "motion": Read.of("motion"),
              "previous_surface": Read.of("surface@previous"), "history": Read.of("irradiance@previous")}
     writes = {"irradiance": Target("rgba16f", "irradiance, mean over frames, W m^-2; alpha: number of frames",
                                    history=True)}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.reflect import MOST_BOUNCES, at_least, irradiance_of
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -28,7 +29,10 @@ class Upsample(ScreenPass):
              "coarse": Read.of("light", offset=1, optional=True),
              "albedo": Read.of("albedo", optional=True)}
     writes = {"light": Target("lobe", "light from this level and all coarser ones: flux and mean direction", "coarse"),
-              "upsample": Target("rgb9e5", "irradiance of this frame alone, W m^-2")}
+              "upsample": Target("rgb9e5", "irradiance of the first bounce in this frame alone, W m^-2"),
+              **{f"upsample_{bounce}": Target("rgb9e5", f"irradiance of bounce {bounce} in this frame alone, W m^-2",
+                                              exists=at_least(bounce)) for bounce in range(2, MOST_BOUNCES + 1)}}
+    per_bounce = True
     uniforms = {"texel": "float", "window": "int"}
 
     def enabled(self, settings: Settings) -> bool:
@@ -39,7 +43,8 @@ class Upsample(ScreenPass):
         last = frame.settings.last_level
         for level in range(last, -1, -1):
             # The image's own level evaluates the light at its normals; the others pass it on as it is
-            omit = {"light"} if level == 0 else {"upsample"}
+            omit = {f"upsample_{bounce}" for bounce in range(2, MOST_BOUNCES + 1)}
+            omit.add("light" if level == 0 else "upsample")
             defines = [chosen, ("IMAGE_LEVEL", "")] if level == 0 else [chosen]
             if level == last:
                 omit |= {"coarse", "coarse_surface"}
@@ -48,4 +53,5 @@ class Upsample(ScreenPass):
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
             # The window, 5x5, is a uniform so that compilers keep the loop: unrolled it takes them long
-            yield Dispatch(level, {"texel": float(2**level), "window": 25}, tuple(defines), frozenset(omit))
+            yield Dispatch(level, {"texel": float(2**level), "window": 25}, tuple(defines), frozenset(omit),
+                           {"upsample": irradiance_of(frame.bounce)})

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ssil_viewer.commands import bench as command
-from ssil_viewer.commands import values
+from ssil_viewer.commands import measuring, values
 from ssil_viewer.commands.parser import Parser
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.timers import PassTime
@@ -41,6 +41,13 @@ def test_sums_of_groups():
     groups = group_times(passes)
     assert groups == {"scene": 9.0, "direct": 0, "voxelization": 0, "indirect": 3.5, "upsampling_compositing": 0.25}
     assert total_ms(groups) == 3.75
+    assert group_times(passes, "p10_ms")["indirect"] == 2.0
+
+
+def test_further_bounces_count_into_the_groups_of_their_passes():
+    passes = {name: PassTime(1.0, 1.0, 1.0, 5) for name in ("gather", "gather 2", "reflect 2", "upsample 2")}
+    groups = group_times(passes)
+    assert (groups["indirect"], groups["upsampling_compositing"]) == (3.0, 1.0)
 
 
 def test_default_rows_are_those_of_the_talk_with_every_visibility():
@@ -106,8 +113,8 @@ def test_files_are_refused_before_anything_is_measured(tmp_path):
         refused.append((["--json", "/proc/a.json"], "/proc/a.json"))
     for words, message in refused:
         with pytest.raises(UserError, match=message):
-            command.check_files(parse(*words))
-    good = command.check_files(parse("--json", "-", "--csv", str(tmp_path / "a.csv")))
+            measuring.check_files(parse(*words))
+    good = measuring.check_files(parse("--json", "-", "--csv", str(tmp_path / "a.csv")))
     assert good == {"json": None, "csv": (tmp_path / "a.csv").resolve()}
     assert not list(tmp_path.iterdir())
 
@@ -119,7 +126,7 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr("pathlib.Path.write_text", full)
     with pytest.raises(UserError, match="No space left on device"):
-        command.write_files({"csv": tmp_path / "a.csv"}, {"csv": lambda: "a"})
+        measuring.write_files({"csv": tmp_path / "a.csv"}, {"csv": lambda: "a"})
     assert not list(tmp_path.iterdir())
 
 
