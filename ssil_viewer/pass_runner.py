@@ -32,7 +32,6 @@ from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
-
 # Frames after a change of light for which the temporal mean stays short where light is fed back
 SETTLING_FRAMES = 8
 

@@ -186,3 +186,11 @@ def test_a_row_that_does_not_add_up_is_pointed_out():
 
 def test_the_sums_are_the_talks():
     assert TALK == ("voxelization", "indirect", "upsampling_compositing")
+
+
+def test_the_documentation_says_which_pass_counts_where():
+    text = (Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    for group, names in GROUPS.items():
+        title = group.replace("_", " & ")
+        line = next(line for line in text.splitlines() if line.startswith(f"| {title}"))
+        assert [word for word in line.split("`") if word.isidentifier()] == list(names), group
