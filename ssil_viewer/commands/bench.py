@@ -37,7 +37,8 @@ def add_flags(parser: Parser) -> None:
                         "lights, image size, samples and levels instead, and judge it")
     parser.add_argument("--quick", action="store_true", help="with --scaling: fewer points")
     parser.add_argument("--plots", metavar="FILE", help="with --scaling: plots as .svg, .png or .pdf; needs matplotlib")
-    add_image_flags(parser, "frames of each row that count; default 200 with a GPU, 10 on software OpenGL")
+    add_image_flags(parser, "frames of each row that count; default 200 with a GPU, 10 on software OpenGL; with "
+                    "--scaling 60 and 5, in each round")
 
 
 def run(args: argparse.Namespace) -> None:

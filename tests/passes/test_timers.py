@@ -216,3 +216,23 @@ def test_a_frame_that_compiles_does_not_count(make_renderer):
     renderer.set_settings(renderer.settings.replaced({"show": "direct"}))    # drops nothing, but is another program
     render_frames(renderer, CAMERA, 2)
     assert renderer.timers.count == 2
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_timer_queries_work_in_the_real_frame(make_renderer, context, waits):
+    """Also on software OpenGL, where what they say means nothing: no error, none nested, none made after the ring."""
+    renderer = make_renderer(scenes.cornell(), (32, 18), samples=4, visibility="voxel", bounces=2)
+    runner = renderer._runner
+    runner.timers = PassTimers(context, software=False)
+    runner.timers.waits = waits
+    render_frames(renderer, CAMERA, WARM_UP_FRAMES + 6)
+    made = len(runner.timers._free) + sum(len(record.queries) for record in runner.timers._in_flight)
+    render_frames(renderer, CAMERA, 6)
+    assert made == len(runner.timers._free) + sum(len(record.queries) for record in runner.timers._in_flight)
+    runner.timers.drain()
+    timings = renderer.timings
+    assert timings.source == "gpu" and timings.waits == waits
+    assert {time.count for time in timings.passes.values()} == {12} == {timings.submit.count}
+    assert {"voxelize", "gather", "gather 2"} <= set(timings.passes)
+    assert all(0 <= time.median_ms < 1e3 for time in timings.passes.values())
+    assert 0 < timings.submit.median_ms <= timings.frame.median_ms
