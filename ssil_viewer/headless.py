@@ -78,6 +78,7 @@ def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
 
 def read_display(renderer: Renderer) -> np.ndarray:
     """The picture of the last frame: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
+    renderer.timers.disturb()
     width, height = renderer.size
     data = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
     return np.ascontiguousarray(data[::-1, :, :3])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Literal, Sequence
+from typing import ContextManager, Iterable, Literal, Sequence
 
 import moderngl
 import numpy as np
@@ -21,7 +21,7 @@ from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
-from ssil_viewer.gpu.timers import Timings
+from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass
@@ -254,6 +254,11 @@ class Renderer:
         return self._runner.timings
 
     @property
+    def timers(self) -> PassTimers:
+        """What takes the times: how many frames are kept, and whether each is waited for."""
+        return self._runner.timers
+
+    @property
     def warnings(self) -> list[str]:
         """What the renderer had to leave out of this scene."""
         found = []
@@ -268,6 +273,10 @@ class Renderer:
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
         return self._runner.target_bytes()
+
+    def counting_bytes(self) -> ContextManager[dict[str, int]]:
+        """Count what passes read and write in the frames inside; see `PassRunner.counting_bytes`."""
+        return self._runner.counting_bytes()
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
@@ -328,6 +337,7 @@ class Renderer:
             UserError: There is no such buffer or level; the nearest name is suggested.
         """
         find_buffer(self.buffers(), name, level)
+        self.timers.disturb()
         buffer = BUFFERS[name]
         reads, defines, inputs = self._source(buffer, level)
         width, height = size = level_size(self.size, level)
@@ -348,6 +358,7 @@ class Renderer:
         Raises:
             KeyError: No such target, or not at this level.
         """
+        self.timers.disturb()
         texture = self._runner.targets.texture(target, level)
         dtype = {"f1": "u1", "f2": "f2", "f4": "f4", "u1": "u1", "u4": "u4"}[texture.dtype]
         data = np.frombuffer(texture.read(alignment=1), dtype)

@@ -149,6 +149,12 @@ def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, T
     return total
 
 
+def texture_bytes(texture: moderngl.Texture) -> int:
+    """Bytes of a texture's finest level."""
+    texel = _DEPTH_BYTES if texture.depth else texture.components * int(texture.dtype[-1])
+    return texture.width * texture.height * texel
+
+
 class TargetSet:
     """All allocated targets of one image size and one set of settings.
 
