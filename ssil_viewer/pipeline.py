@@ -24,7 +24,8 @@ from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
-from ssil_viewer.passes.base import Pass
+from ssil_viewer.passes.base import Pass, switch
+from ssil_viewer.passes.composite import Composite
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
@@ -351,6 +352,33 @@ class Renderer:
         finally:
             scratch.release()
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+
+    def displayed(self, radiance: np.ndarray) -> np.ndarray:
+        """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.
+
+        Args:
+            radiance: (H, W, 3) of the renderer's size, linear, row 0 = top, in `final`'s unit.
+
+        Returns:
+            (H, W, 3) uint8, sRGB-encoded, row 0 = top.
+        """
+        width, height = self.size
+        defines = (("SHOW", "1"), switch("TONE_MAP", self.settings.tone_map, Composite.tone_maps))
+        variant = Variant(Composite.shader, (("direct", "rgba16f"),), (), (("display", "rgba8"),), (("band", "ivec2"),),
+                          defines)
+        scratch = TargetSet(self.context, self.size, self.settings, {
+            "direct": Target("rgba16f", "", cropped=True), "display": Target("rgba8", "", cropped=True)})
+        texels = np.zeros((height, width, 4), np.float16)
+        texels[..., :3] = np.clip(radiance[::-1], 0.0, np.finfo(np.float16).max)
+        try:
+            scratch.texture("direct").write(texels.tobytes())
+            self._runner.unbind()
+            self._runner.shade(variant, scratch, {"direct": scratch.texture("direct")},
+                               {"display": scratch.texture("display")}, {"band": (0, 0)})
+            data = np.frombuffer(scratch.texture("display").read(), np.uint8)
+        finally:
+            scratch.release()
+        return np.ascontiguousarray(data.reshape(height, width, 4)[::-1, :, :3])
 
     def read_stored(self, target: str, level: int = 0) -> np.ndarray:
         """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.

@@ -24,10 +24,11 @@ class Composite(ScreenPass):
         "display": Target("rgba8", "the picture, sRGB-encoded", cropped=True),
     }
     uniforms = {"band": "ivec2"}
+    tone_maps = ("aces", "neutral", "reinhard", "linear")
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect")),
-                   switch("TONE_MAP", frame.settings.tone_map, ("aces", "neutral", "reinhard", "linear"))]
+                   switch("TONE_MAP", frame.settings.tone_map, self.tone_maps)]
         omit: set[str] = set()
         if frame.settings.bounces == 0:
             omit |= {"albedo", "irradiance"}

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import compare_with_sum, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene import default_camera, load_scene
 from tests import scenes
-from tests.reference import bias_and_error, compare_with_sum, irradiance, random_blocks, read_surfaces
 
 BOX_CAMERA = scenes.CORNELL_CAMERA
 SIZE = 1280, 720

@@ -9,10 +9,11 @@ import pytest
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene.model import Camera, Material
 from ssil_viewer.settings import Settings
 from tests import scenes
-from tests.reference import bias_and_error, irradiance, random_blocks, read_surfaces
 
 SIZE = 160, 90
 CAMERA = scenes.CORNELL_CAMERA
