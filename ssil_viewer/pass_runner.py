@@ -265,6 +265,7 @@ class PassRunner:
                 continue
             target = self._resolve(read, running)
             level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
+            level = dispatch.read_levels.get(name, level)
             reads.append((name, self.declared[target.removesuffix("@previous")].format))
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
+from ssil_viewer.errors import UserError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.gpu.context import Capabilities
@@ -80,6 +81,7 @@ class Renderer:
                  passes: Sequence[type[Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
         self.context = context
+        self._settings = settings
         self.scene: Scene | None = None
         self.lights: tuple[Light, ...] = ()
         self._gpu_scene: GpuScene | None = None
@@ -106,8 +108,8 @@ class Renderer:
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
-        return self._runner.settings
+        """The settings as they were given; passes that would do nothing for the scene are off all the same."""
+        return self._settings
 
     @property
     def frame_index(self) -> int:
@@ -119,6 +121,11 @@ class Renderer:
     def set_scene(self, scene: Scene) -> None:
         """Upload a scene and take its lights. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
+        try:
+            self._runner.set_settings(self._settings_for(scene, self._settings))
+        except UserError:
+            fresh.release()
+            raise
         if self._gpu_scene is not None:
             self._gpu_scene.release()
         self._gpu_scene = fresh
@@ -143,8 +150,14 @@ class Renderer:
             UserError: The render targets cannot be allocated; the old settings stay then.
         """
         shadows_change = settings.shadow_resolution != self.settings.shadow_resolution
-        self._runner.set_settings(settings)
+        self._runner.set_settings(self._settings_for(self.scene, settings))
+        self._settings = settings
         self._lights_moved |= shadows_change
+
+    def _settings_for(self, scene: Scene | None, settings: Settings) -> Settings:
+        for p in self._runner.passes if scene is not None else ():
+            settings = p.settings_for(scene, settings)
+        return settings
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""
@@ -174,7 +187,7 @@ class Renderer:
                 lights.update(self.lights, gpu_scene.origin, gpu_scene.bounds, self.settings.shadow_resolution,
                               self.capabilities.max_texture_size)
                 self._lights_moved = False
-            frame = SceneFrame(self._runner, self.settings, self._runner.radius, lights.textures,
+            frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, lights.textures,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:

@@ -78,6 +78,21 @@ Lobe decode_lobe(uvec2 bits) {
     return Lobe(decode_rgb9e5(bits.x), direction, back / max(1.0 - back, 1.0 / 255.0));
 }
 
+// Reflected radiance for a reflectance of 1, and the perceptual roughness that it was gathered for; negative where
+// nothing reflects.
+struct Reflection {
+    vec3 radiance;
+    float roughness;
+};
+
+uvec2 encode_reflection(Reflection r) {
+    return uvec2(encode_rgb9e5(r.radiance), r.roughness < 0.0 ? 0u : 1u + uint(min(r.roughness, 1.0) * 65534.0 + 0.5));
+}
+
+Reflection decode_reflection(uvec2 bits) {
+    return Reflection(decode_rgb9e5(bits.x), (float(bits.y) - 1.0) * (1.0 / 65534.0));
+}
+
 // What half floats hold. Overflow would be infinity on some hardware and the largest number on other; NaN fails the
 // comparison and becomes 0. For values that cannot be negative.
 vec3 finite_half(vec3 c) {

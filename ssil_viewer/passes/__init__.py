@@ -6,6 +6,9 @@ from ssil_viewer.passes.depth_range import DepthRange
 from ssil_viewer.passes.direct import Direct
 from ssil_viewer.passes.gather import Gather
 from ssil_viewer.passes.gbuffer import GBuffer
+from ssil_viewer.passes.glossy_gather import GlossyGather
+from ssil_viewer.passes.glossy_resolve import GlossyResolve
+from ssil_viewer.passes.glossy_upsample import GlossyUpsample
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
 from ssil_viewer.passes.mipmap import Mipmap
 from ssil_viewer.passes.shadows import Shadows
@@ -15,7 +18,8 @@ from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
 from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Direct, DepthRange, Voxelize, VoxelMipmap, Mipmap, Gather, Upsample,
-                                 Temporal, Composite)
+                                 Temporal, GlossyGather, GlossyUpsample, GlossyResolve, Composite)
 
-__all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "Pass", "Read", "ScreenPass", "Shadows", "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]
+__all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
+           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "Pass", "Read", "ScreenPass", "Shadows", "Temporal",
+           "Upsample", "VoxelMipmap", "Voxelize"]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Iterable
 
 from ssil_viewer.gpu.targets import Target
+from ssil_viewer.scene.model import Scene
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -45,12 +46,14 @@ class Dispatch:
         uniforms: Values of the loose uniforms.
         defines: Preprocessor definitions: each combination is a program of its own.
         omit: GLSL names of optional reads and writes that this run does without.
+        read_levels: GLSL name -> level read, where it does not follow from the level written.
     """
 
     level: int = 0
     uniforms: dict[str, object] = field(default_factory=dict)
     defines: tuple[tuple[str, str], ...] = ()
     omit: frozenset[str] = frozenset()
+    read_levels: dict[str, int] = field(default_factory=dict)
 
 
 class Pass:
@@ -69,6 +72,10 @@ class Pass:
     def enabled(self, settings: Settings) -> bool:
         """Whether the frame needs this pass."""
         return True
+
+    def settings_for(self, scene: Scene, settings: Settings) -> Settings:
+        """What of the settings is in force for a scene: a pass may switch itself off where it would do nothing."""
+        return settings
 
     def target_reads(self) -> Iterable[Read]:
         """Declared reads, for the pipeline's check of the order."""
