@@ -255,10 +255,11 @@ class Renderer:
         for name, buffer in BUFFERS.items():
             target = buffer.pick(running)
             if target is not None:
-                levels = self._runner.declared[target].levels(self.settings)
+                levels = self._runner.declared[target].levels(self._runner.settings)
                 if self.settings.bounces == 0:
                     levels = range(levels.start, min(levels.stop, 1))
-                found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
+                if levels:
+                    found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
         return found
 
     def show_buffer(self, name: str | None, level: int = 0) -> None:

@@ -22,23 +22,45 @@ const float LEAST_AGREEMENT = 0.01;
 // Weighted mean of reflections, and the one nearest in depth for when nobody agrees.
 struct ReflectionSum {
     vec3 sum;
+    float squares;      // of luminance
+    float deviation;    // spread times luminance
     float total;
-    vec3 nearest;
+    Reflection nearest;
     float apart;
 };
 
-ReflectionSum no_reflection() { return ReflectionSum(vec3(0.0), 0.0, vec3(0.0), 1e30); }
+ReflectionSum no_reflection() {
+    return ReflectionSum(vec3(0.0), 0.0, 0.0, 0.0, Reflection(vec3(0.0), 0.0, 0.0), 1e30);
+}
+
+float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
 void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+    float light = luminance(tap.radiance);
     sum.sum += tap.radiance * weight;
+    sum.squares += light * light * weight;
+    sum.deviation += tap.spread * light * weight;
     sum.total += weight;
     if (tap.roughness >= 0.0 && apart < sum.apart) {
         sum.apart = apart;
-        sum.nearest = tap.radiance;
+        sum.nearest = tap;
     }
 }
 
-vec3 mean_reflection(ReflectionSum sum) {
+// The mean, with the mean of the spreads.
+Reflection mean_reflection(ReflectionSum sum, float roughness) {
     float missing = max(LEAST_AGREEMENT - sum.total, 0.0);
-    return (sum.sum + sum.nearest * missing) / (sum.total + missing);
+    vec3 mean = (sum.sum + sum.nearest.radiance * missing) / (sum.total + missing);
+    float deviation = (sum.deviation + sum.nearest.spread * luminance(sum.nearest.radiance) * missing)
+                    / (sum.total + missing);
+    return Reflection(mean, roughness, deviation / max(luminance(mean), 1e-12));
+}
+
+// The mean, with the spread of what it was taken of.
+Reflection measured_reflection(ReflectionSum sum, float roughness) {
+    Reflection mean = mean_reflection(sum, roughness);
+    float light = luminance(mean.radiance);
+    float variance = sum.squares / max(sum.total, LEAST_AGREEMENT) - light * light;
+    mean.spread = sqrt(max(variance, 0.0)) / max(light, 1e-12);
+    return mean;
 }

@@ -156,7 +156,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
 #endif
 
 void shade(ivec2 px) {
-    out_glossy_gather = Reflection(vec3(0.0), -1.0);
+    out_glossy_gather = Reflection(vec3(0.0), -1.0, 0.0);
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
@@ -174,5 +174,5 @@ void shade(ivec2 px) {
 #else
     vec3 radiance = gather_samples(receiver, mirror, wedge, jitter);
 #endif
-    out_glossy_gather = Reflection(radiance, roughness);
+    out_glossy_gather = Reflection(radiance, roughness, 0.0);
 }

@@ -2,50 +2,36 @@
 // motion. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
 
-// Mean, least and largest reflection around a pixel.
-struct Neighbourhood {
-    vec3 mean;
-    vec3 low;
-    vec3 high;
-};
-
-Neighbourhood from_start_level(ivec2 px, Surface receiver, float roughness) {
+Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
     ivec2 last = size_glossy_light() - 1;
     vec2 at_level = (vec2(px) + 0.5) / texel - 0.5;
 #if UPSAMPLING == 1
-    vec3 own = load_glossy_light(min(ivec2(at_level + 0.5), last)).radiance;
-    return Neighbourhood(own, own, own);
+    Reflection own = load_glossy_light(min(ivec2(at_level + 0.5), last));
+    return Reflection(own.radiance, roughness, 4.0);
 #else
     vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin), receiver.view_depth);
     vec2 corner = floor(at_level), f = at_level - corner;
     ReflectionSum sum = no_reflection();
-    vec3 low = vec3(1e30), high = vec3(0.0);
-    // Four by four texels bound what the history may hold; the four in the middle make the mean
     for (int i = 0; i < taps; ++i) {
-        ivec2 offset = ivec2(i & 3, i >> 2) - 1;
+        ivec2 offset = ivec2(i & 1, i >> 1);
         ivec2 at = clamp(ivec2(corner) + offset, ivec2(0), last);
         Reflection tap = load_glossy_light(at);
         Surface there = load_start_surface(at);
         vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-        float agreement = reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
-        if (agreement > 0.1) {
-            low = min(low, tap.radiance);
-            high = max(high, tap.radiance);
-        }
-        vec2 kernel = max(1.0 - abs(vec2(offset) - f), 0.0);
-        float apart = abs(there.view_depth - receiver.view_depth) * (kernel.x * kernel.y > 0.0 ? 1.0 : 2.0);
-        add_reflection(sum, tap, agreement * kernel.x * kernel.y, apart);
+        vec2 kernel = 1.0 - abs(vec2(offset) - f);
+        float weight = kernel.x * kernel.y
+                     * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
+        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
-    vec3 mean = mean_reflection(sum);
-    return Neighbourhood(mean, min(low, mean), max(high, mean));
+    return mean_reflection(sum, roughness);
 #endif
 }
 
 #ifdef HAS_HISTORY
 // Mean over frames. Its length is that of the irradiance's, found by the same surface under the same tests.
-vec3 with_history(ivec2 px, Surface surface, float roughness, Neighbourhood now) {
+vec3 with_history(ivec2 px, Surface surface, Reflection now) {
     float frames = load_irradiance(px).a;
-    if (frame.history_frames == 0 || frames <= 1.0) return now.mean;
+    if (frame.history_frames == 0 || frames <= 1.0) return now.radiance;
     ivec2 size = size_surface();
     vec4 motion = load_motion(px);
     vec2 moved = motion.xy * (vec2(size) / frame.extent), before = vec2(px) + 0.5 - moved;
@@ -67,13 +53,14 @@ vec3 with_history(ivec2 px, Surface surface, float roughness, Neighbourhood now)
         sum += load_history(safe) * (same ? weight : 0.0);
         total += same ? weight : 0.0;
     }
-    if (total < 0.01) return now.mean;
+    if (total < 0.01) return now.radiance;
     // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
     float still = 1.0 - smoothstep(0.25, 1.0, length(moved));
-    float count = min(frames, mix(mix(4.0, 16.0, clamp(roughness, 0.0, 1.0)), frames, still));
-    // The history may be what the neighbours are, and as noisy as they: half as much again
-    vec3 history = clamp(sum / total, now.low * (1.0 / 1.5), now.high * 1.5);
-    return mix(history, now.mean, 1.0 / count);
+    float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
+    // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
+    // rare peaks were cut off and the mean fell by 1 %
+    vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);
+    return mix(clamp(sum / total, low, high), now.radiance, 1.0 / count);
 }
 #endif
 
@@ -82,10 +69,10 @@ void shade(ivec2 px) {
     Surface surface = load_surface(px);
     vec4 specular = load_specular(px);
     if (surface.view_depth <= 0.0 || max(max(specular.r, specular.g), specular.b) <= 0.0) return;
-    Neighbourhood now = from_start_level(px, surface, specular.a);
+    Reflection now = from_start_level(px, surface, specular.a);
 #ifdef HAS_HISTORY
-    out_reflection = with_history(px, surface, specular.a, now);
+    out_reflection = with_history(px, surface, now);
 #else
-    out_reflection = now.mean;
+    out_reflection = now.radiance;
 #endif
 }

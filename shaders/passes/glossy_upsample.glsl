@@ -2,9 +2,9 @@
 // sample pattern repeats, plus the sum of the coarser levels brought up by two. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
 
-vec3 denoised(ivec2 px, Surface receiver, vec3 p, Reflection own) {
+Reflection denoised(ivec2 px, Surface receiver, vec3 p, Reflection own) {
 #if UPSAMPLING == 1
-    return own.radiance;
+    return own;
 #else
     ivec2 last = size_glossy_gather() - 1;
     ReflectionSum sum = no_reflection();
@@ -18,15 +18,15 @@ vec3 denoised(ivec2 px, Surface receiver, vec3 p, Reflection own) {
                      * reflection_agreement(receiver, p, own.roughness, there, ray, tap.roughness);
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
-    return mean_reflection(sum);
+    return measured_reflection(sum, own.roughness);
 #endif
 }
 
 #ifdef HAS_COARSE
-vec3 from_coarser(ivec2 px, Surface receiver, vec3 p, float roughness) {
+Reflection from_coarser(ivec2 px, Surface receiver, vec3 p, float roughness) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
-    return load_coarse(min(px / 2, last)).radiance;
+    return load_coarse(min(px / 2, last));
 #else
     ivec2 own = px / 2;
     ivec2 next = own + (px & 1) * 2 - 1;
@@ -40,7 +40,7 @@ vec3 from_coarser(ivec2 px, Surface receiver, vec3 p, float roughness) {
         float weight = kernel * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
-    return mean_reflection(sum);
+    return mean_reflection(sum, roughness);
 #endif
 }
 #endif
@@ -52,9 +52,12 @@ void shade(ivec2 px) {
     Surface receiver = load_surface(px);
     vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin),
                                receiver.view_depth);
-    vec3 radiance = denoised(px, receiver, p, own);
+    Reflection light = denoised(px, receiver, p, own);
 #ifdef HAS_COARSE
-    radiance += from_coarser(px, receiver, p, own.roughness);
+    Reflection coarse = from_coarser(px, receiver, p, own.roughness);
+    float deviation = light.spread * luminance(light.radiance) + coarse.spread * luminance(coarse.radiance);
+    light.radiance += coarse.radiance;
+    light.spread = deviation / max(luminance(light.radiance), 1e-12);
 #endif
-    out_glossy_light = Reflection(radiance, own.roughness);
+    out_glossy_light = light;
 }

@@ -21,5 +21,5 @@ FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Direct, DepthRange, Voxelize,
                                  Temporal, GlossyGather, GlossyUpsample, GlossyResolve, Composite)
 
 __all__ = ["FRAME", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
-           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "Pass", "Read", "ScreenPass", "Shadows", "Temporal",
-           "Upsample", "VoxelMipmap", "Voxelize"]
+           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "Pass", "Read", "ScreenPass", "Shadows",
+           "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]

@@ -36,13 +36,13 @@ def is_glossy(material: Material) -> bool:
 
 
 class GlossyGather(ScreenPass):
-    """Monte-Carlo estimate of the radiance that a reflectance of 1 sends to the camera, from the disc or ring of a level.
+    """Monte-Carlo estimate of the radiance that a reflectance of 1 sends to the camera, for each level.
 
     Lobe: Phong's, normalized over the hemisphere. Samples lie in the wedge of the image that a cone around the mirror
     direction fills, and stand for so much less each.
 
-    Source: Soler et al. 2010, "importance sampling". Differs: the lobe widens to the size of the sender's texel, and the
-    wedge by so much (docs/method/glossy.md).
+    Source: Soler et al. 2010, "importance sampling". Differs: the lobe widens to the size of the sender's texel, and
+    the wedge by so much (docs/method/glossy.md).
     """
 
     name = "glossy_gather"
@@ -51,9 +51,9 @@ class GlossyGather(ScreenPass):
              "image_surface": Read.of("surface", offset=None), "specular": Read.of("specular", offset=None),
              "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
              "depth_range": Read.of("depth_range", offset=None, optional=True)}
-    writes = {"glossy_gather": Target("reflection", "radiance reflected from this level's disc or ring for a reflectance "
-                                      "of 1, W m^-2 sr^-1, and roughness; -1 where nothing reflects", "gather",
-                                      exists=glossy_exists)}
+    writes = {"glossy_gather": Target("reflection", "radiance reflected from this level's disc or ring for a "
+                                      "reflectance of 1, W m^-2 sr^-1, and roughness; -1 where nothing reflects",
+                                      "gather", exists=glossy_exists)}
     uniforms = {"texel": "float", "inner_radius": "float", "samples": "int", "directions": "int", "steps": "int"}
 
     def settings_for(self, scene: Scene, settings: Settings) -> Settings:
@@ -72,10 +72,9 @@ class GlossyGather(ScreenPass):
         unread = {"voxels", "voxels_far", "depth_range"}
         if settings.visibility == "voxel":
             unread = {"voxels_far"} if settings.voxel_slices == 128 else set()
-        # Few rows with many samples each: a narrow wedge has no room for more
-        steps = math.isqrt(4 * settings.glossy_samples) if settings.importance_sampling else \
-            max(math.isqrt(settings.glossy_samples // 2), 1)
-        steps = min(steps, settings.glossy_samples)
+        # Few rows with many samples each: a narrow wedge has no room for more. The same without importance sampling,
+        # since what blocks light is found the better the closer samples follow one another.
+        steps = min(math.isqrt(4 * settings.glossy_samples), settings.glossy_samples)
         rows = {"directions": settings.glossy_samples // steps, "steps": steps}
         for level in range(settings.start_level, settings.last_level + 1):
             inner = 0.0 if level == settings.start_level else frame.radius / 2

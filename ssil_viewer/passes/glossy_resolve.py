@@ -38,5 +38,5 @@ class GlossyResolve(ScreenPass):
         start = frame.settings.start_level
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
         omit = {"irradiance", "motion", "previous_surface", "history"} if not frame.settings.temporal else set()
-        yield Dispatch(0, {"texel": float(2**start), "taps": 16}, (chosen,), frozenset(omit),
+        yield Dispatch(0, {"texel": float(2**start), "taps": 4}, (chosen,), frozenset(omit),
                        {"start_surface": start, "glossy_light": start})

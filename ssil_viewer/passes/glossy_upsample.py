@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class GlossyUpsample(ScreenPass):
-    """Cross-bilateral filtering of reflections, coarsest level first: denoise a level, add what the coarser ones sum to.
+    """Cross-bilateral filtering of reflections, coarsest level first: denoise a level, add the coarser ones.
 
     Source: Soler et al. 2010, "hierarchical upsampling". Differs: weights are tighter in normal than for irradiance,
     and count roughness, so that materials do not run into one another.
