@@ -157,6 +157,13 @@ class Settings:
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
         "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
         "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"
+    glossy_samples: Annotated[int, Knob(
+        "Samples per pixel and level for the reflection of indirect light by glossy surfaces, on top of those for "
+        "diffuse light; 0 switches it off. Scenes without glossy materials never spend them.",
+        0, 1024, affects="resources", group="Glossy")] = 16
+    importance_sampling: Annotated[bool, Knob(
+        "Take the glossy samples only where the lobe of the reflection lies in the image. Off, they lie all around, "
+        "and most of them miss it; for comparison.", group="Glossy")] = True
     upsampling: Annotated[Literal["bilateral", "nearest"], Knob(
         "How coarse light reaches fine pixels. bilateral respects depth and normal edges; "
         "nearest shows the blocks, for comparison.", group="Upsampling")] = "bilateral"
@@ -166,8 +173,9 @@ class Settings:
     temporal_frames: Annotated[int, Knob(
         "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
         1, 256, "frames", log=True, group="Temporal")] = 32
-    show: Annotated[Literal["both", "direct", "indirect"], Knob(
-        "Which light is shown.", affects="display", group="Display")] = "both"
+    show: Annotated[Literal["both", "direct", "indirect", "glossy"], Knob(
+        "Which light is shown. indirect: diffuse and glossy. glossy: the reflection of indirect light alone.",
+        affects="display", group="Display")] = "both"
     exposure: Annotated[float, Knob(
         "Brightness of the display in stops; never touches exported values.",
         -16.0, 16.0, "EV", affects="display", group="Display")] = 0.0
