@@ -42,8 +42,9 @@ def test_blocks_leave_out_background_and_the_cut_ones():
     assert found[0, 0] == image[0:2, 2:4].mean()
 
 
-def test_half_of_the_noise_is_found(rng=np.random.default_rng(1)):
+def test_half_of_the_noise_is_found():
     """The noise of a mean is that of one of its halves over the square root of two."""
+    rng = np.random.default_rng(1)
     first, second = 5 + rng.normal(0, 0.1, (2, 100_000))
     assert metrics.noise_of_halves(first, second) == pytest.approx(0.1 / np.sqrt(2) / 5, rel=0.02)
 

@@ -157,9 +157,12 @@ def test_an_interrupted_render_leaves_nothing(tmp_path, number, status):
     words = ["render", "builtin:cornell", "--size", "320x180", "--frames", "100000", "-o", "a.png"]
     command = [sys.executable, "-m", "ssil_viewer", *words]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
-    process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    try:
+        time.sleep(4)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert (process.returncode, out, err) == (status, "", "")
     assert list(tmp_path.iterdir()) == []
 
