@@ -38,7 +38,7 @@ def sums_table(report: dict[str, Any]) -> Table:
     """One line for each row of the benchmark: the talk's columns, and the whole frame."""
     names = _shown_settings(report)
     headers = (row_header(report), "voxelization", "indirect", "upsampling & compositing", "total", "frame",
-               "p10 .. p90", "targets MB")
+               "p10 .. p90", "MB")
     rows = []
     for row in report["rows"]:
         numbers = [milliseconds(row[name]) for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms",
