@@ -54,12 +54,13 @@ def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
         if taken := own & set(written):
             raise FrameError(f"pass {p.name} writes {sorted(taken)}, which an earlier pass owns")
         for read in p.target_reads():
-            for name in read.targets:
-                base = name.removesuffix("@previous")
-                known = base in histories if name != base else base in written or (base in own and read.offset)
-                known = known or (p.per_bounce and base in of_bounces)      # by the bounce before
-                if not known and not read.optional:
-                    raise FrameError(f"pass {p.name} reads {name}, which no earlier pass writes")
+            available = set(written) | {f"{name}@previous" for name in histories}
+            if read.offset:
+                available |= own            # another level
+            if p.per_bounce:
+                available |= of_bounces     # by the bounce before
+            if not available & set(read.targets) and not read.optional:
+                raise FrameError(f"pass {p.name} reads {' or '.join(read.targets)}, which no earlier pass writes")
         for name in p.extends:
             if name not in written:
                 raise FrameError(f"pass {p.name} extends {name}, which no earlier pass writes")
@@ -355,6 +356,7 @@ class PassRunner:
                 level = self.settings.start_level
             else:
                 level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
+            level = dispatch.read_levels.get(name, level)
             reads.append((name, self.declared[target.removesuffix("@previous")].format))
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)

@@ -24,7 +24,8 @@ from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
-from ssil_viewer.passes.base import Pass
+from ssil_viewer.passes.base import Pass, switch
+from ssil_viewer.passes.composite import Composite
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
@@ -83,6 +84,7 @@ class Renderer:
                  passes: Sequence[type[Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
         self.context = context
+        self._settings = settings
         self.scene: Scene | None = None
         self.lights: tuple[Light, ...] = ()
         self.environment: Environment | None = None
@@ -111,8 +113,8 @@ class Renderer:
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
-        return self._runner.settings
+        """The settings as they were given; passes that would do nothing for the scene are off all the same."""
+        return self._settings
 
     @property
     def frame_index(self) -> int:
@@ -125,6 +127,7 @@ class Renderer:
         """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
         try:
+            self._runner.set_settings(self._settings_for(scene, self._settings))
             self.set_environment(scene.environment)
         except UserError:
             fresh.release()
@@ -176,8 +179,14 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        self._runner.set_settings(settings)
+        self._runner.set_settings(self._settings_for(self.scene, settings))
+        self._settings = settings
         self._lights_moved |= shadows_change
+
+    def _settings_for(self, scene: Scene | None, settings: Settings) -> Settings:
+        for p in self._runner.passes if scene is not None else ():
+            settings = p.settings_for(scene, settings)
+        return settings
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""
@@ -208,7 +217,7 @@ class Renderer:
                               self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
             tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
-            frame = SceneFrame(self._runner, self.settings, self._runner.radius, tables,
+            frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
@@ -285,10 +294,11 @@ class Renderer:
         for name, buffer in BUFFERS.items():
             target = buffer.pick(running)
             if target is not None:
-                levels = self._runner.declared[target].levels(self.settings)
+                levels = self._runner.declared[target].levels(self._runner.settings)
                 if self.settings.bounces == 0 and self._runner.declared[target].extent != "start":
                     levels = range(levels.start, min(levels.stop, 1))
-                found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
+                if levels:
+                    found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
         return found
 
     def show_buffer(self, name: str | None, level: int = 0) -> None:
@@ -351,6 +361,33 @@ class Renderer:
         finally:
             scratch.release()
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+
+    def displayed(self, radiance: np.ndarray) -> np.ndarray:
+        """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.
+
+        Args:
+            radiance: (H, W, 3) of the renderer's size, linear, row 0 = top, in `final`'s unit.
+
+        Returns:
+            (H, W, 3) uint8, sRGB-encoded, row 0 = top.
+        """
+        width, height = self.size
+        defines = (("SHOW", "1"), switch("TONE_MAP", self.settings.tone_map, Composite.tone_maps))
+        variant = Variant(Composite.shader, (("direct", "rgba16f"),), (), (("display", "rgba8"),), (("band", "ivec2"),),
+                          defines)
+        scratch = TargetSet(self.context, self.size, self.settings, {
+            "direct": Target("rgba16f", "", cropped=True), "display": Target("rgba8", "", cropped=True)})
+        texels = np.zeros((height, width, 4), np.float16)
+        texels[..., :3] = np.clip(radiance[::-1], 0.0, np.finfo(np.float16).max)
+        try:
+            scratch.texture("direct").write(texels.tobytes())
+            self._runner.unbind()
+            self._runner.shade(variant, scratch, {"direct": scratch.texture("direct")},
+                               {"display": scratch.texture("display")}, {"band": (0, 0)})
+            data = np.frombuffer(scratch.texture("display").read(), np.uint8)
+        finally:
+            scratch.release()
+        return np.ascontiguousarray(data.reshape(height, width, 4)[::-1, :, :3])
 
     def read_stored(self, target: str, level: int = 0) -> np.ndarray:
         """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.

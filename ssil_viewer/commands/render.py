@@ -27,7 +27,7 @@ TEMPORAL_FRAMES = 16
 # A buffer that is read back: as four floats by OpenGL, again as bytes, and as the array.
 _READ_BACK_BYTES = 48
 # Optional targets that the files take from.
-_KEEP = ("final",)
+_KEEP = ("final", "glossy")
 # Buffers that an EXR holds beside the image, where they exist.
 _EXR_LAYERS = ("direct", "indirect", "radiance", "albedo", "normal", "view_depth")
 

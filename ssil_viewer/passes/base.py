@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Iterable, Literal
 
 from ssil_viewer.gpu.targets import Target
+from ssil_viewer.scene.model import Scene
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class Dispatch:
         defines: Preprocessor definitions: each combination is a program of its own.
         omit: GLSL names of optional reads and writes that this run does without.
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
+        read_levels: GLSL name -> level read, where it does not follow from the level written.
     """
 
     level: int = 0
@@ -53,6 +55,7 @@ class Dispatch:
     defines: tuple[tuple[str, str], ...] = ()
     omit: frozenset[str] = frozenset()
     targets: dict[str, str] = field(default_factory=dict)
+    read_levels: dict[str, int] = field(default_factory=dict)
 
 
 class Pass:
@@ -83,6 +86,10 @@ class Pass:
     def runs(self, settings: Settings, features: frozenset[str]) -> bool:
         """Whether it runs, given the features of the scene."""
         return self.requires <= features and (self.enabled(settings) or bool(self.serves & features))
+
+    def settings_for(self, scene: Scene, settings: Settings) -> Settings:
+        """What of the settings is in force for a scene: a pass may switch itself off where it would do nothing."""
+        return settings
 
     def target_reads(self) -> Iterable[Read]:
         """Declared reads, for the pipeline's check of the order."""

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import irradiance, read_surfaces
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Image, Light, Material, TextureRef
 from tests import scenes
-from tests.reference import irradiance, read_surfaces
 
 CAMERA = scenes.CORNELL_CAMERA
 SIZES = [(64, 36), (61, 47), (33, 65)]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import read_surfaces
 from ssil_viewer.scene.model import Camera, Material
 from tests import scenes
-from tests.reference import read_surfaces
 
 RADIANCE = 2.0
 BLACK = Material(name="black", base_color=(0, 0, 0, 1), specular=0.0)

@@ -9,10 +9,10 @@ import pytest
 
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import read_surfaces
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Light, Material
 from tests import scenes
-from tests.reference import read_surfaces
 
 SIZE = 320, 180
 FEW_LINES = {"start_level": 1, "levels": 3, "radius": 96.0}

@@ -19,6 +19,7 @@ LAYERS = (
     ("pass_runner",),
     ("pipeline", "compile_ahead"),
     ("headless", "embed"),
+    ("reference",),
     ("app", "measure"),
     ("commands",),
     ("cli",),

@@ -1,4 +1,4 @@
-"""Reference R1: the irradiance as the plain sum over all pixels, in float64 on the CPU, and its metrics.
+"""Reference R1: the irradiance as the plain sum over all pixels, in float64 on the CPU.
 
 The sum uses the gather's estimator with every texel of one pyramid level as a sender and nothing between sender and
 receiver: what differs from it is noise, the rings, the coarser levels and the upsampling.
@@ -16,6 +16,7 @@ from typing import Iterator
 import numpy as np
 
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene.model import Camera
 
 LEAST_FACING = 0.01
@@ -120,13 +121,6 @@ def random_blocks(visible: np.ndarray, count: int, side: int = 8, seed: int = 1)
     columns = left[:, None, None] + np.arange(side)[None, None, :] + np.zeros((1, side, 1), int)
     whole = visible[rows, columns].all((1, 2))
     return rows[whole], columns[whole]
-
-
-def bias_and_error(ours: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """bias = sum / sum - 1, and the rms difference over the mean of the reference, over all channels."""
-    difference = ours.astype(np.float64) - reference
-    return float(ours.sum(dtype=np.float64) / reference.sum() - 1), \
-        float(np.sqrt((difference**2).mean()) / reference.mean())
 
 
 def compare_with_sum(renderer: Renderer, camera: Camera, level: int, blocks: int) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Reference R2: R1 with true visibility, by rays against the triangles of the scene.
 
 What differs from it is the error of the visibility mode, on top of what differs from R1. Receivers are the image's own
-pixels, senders the texels of one level, without a guard band; the estimator is `tests.reference.transport`.
+pixels, senders the texels of one level, without a guard band; the estimator is `all_pixels.transport`.
 
 **Which rays.** 60 blocks of 8x8 pixels and 57,600 senders make 200 million pairs. For each receiver some senders are
 drawn with probability proportional to what they would send, stratified over the senders in Z-order, so that a stratum
@@ -14,11 +14,9 @@ and can lie inside of a wall; rays end at the nearest of the texel's pixels inst
 end.
 
 **What blocks.** Every triangle of every instance, from both sides, but for the holes of masked ones
-(`tests/occluders.py`).
+(`occluders.py`).
 
 **Time.** 60 blocks of 8x8 pixels with senders of level 2 at 1280x720: 3 to 10 s on two cores, half of it for R1.
-
-`tools/compare_visibility.py` prints both references for any scene and settings.
 """
 
 from __future__ import annotations
@@ -26,9 +24,10 @@ from __future__ import annotations
 import numpy as np
 
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.reference.all_pixels import Surfaces, random_blocks, read_surfaces, shining, transport
+from ssil_viewer.reference.metrics import bias_and_error
+from ssil_viewer.reference.occluders import Occluders
 from ssil_viewer.scene.model import Camera, Scene
-from tests.occluders import Occluders
-from tests.reference import Surfaces, bias_and_error, random_blocks, read_surfaces, shining, transport
 
 
 def seen_points(image: Surfaces, senders: Surfaces) -> np.ndarray:

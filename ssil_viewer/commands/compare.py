@@ -1,0 +1,175 @@
+"""`ssil-viewer compare`: the error of a view against references."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Callable
+
+from ssil_viewer import output
+from ssil_viewer.commands import shared, values
+from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
+from ssil_viewer.errors import UserError
+
+if TYPE_CHECKING:
+    from ssil_viewer.reference.compare import Comparison
+
+FRAMES = 16
+USAGE = "[SCENE] [flags]"
+EPILOG = """\
+references:
+  R1  the sum over all pixels, nothing in between: shows noise, rings and mipmaps
+  R2  R1 with true visibility by rays (embreex): shows the error of --visibility
+  R3  a path tracer (Mitsuba 3): shows what the screen cannot know
+
+pip install 'ssil-viewer[reference]' brings what R2 and R3 need; docs/compare.md explains the numbers."""
+
+
+def _references(text: str) -> tuple[str, ...]:
+    from ssil_viewer.reference.compare import REFERENCES
+
+    names = tuple(dict.fromkeys(name.strip().upper() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in REFERENCES]
+    if unknown or not names:
+        raise UserError(f"no reference is called {unknown[0]!r}" if unknown else "no reference is named", "--reference",
+                        "give some of " + ",".join(REFERENCES))
+    return names
+
+
+def add_flags(parser: Parser) -> None:
+    """What the command takes."""
+    add_scene(parser, "builtin:atrium")
+    parser.add_argument("--json", metavar="FILE", help="write the result as JSON to a file, or - for standard output")
+    group = parser.add_argument_group("references")
+    group.add_argument("--reference", metavar="R1,R2,R3", default="R1,R2,R3", help="which to make, default all")
+    group.add_argument("--blocks", type=values.whole("--blocks", 1, 100_000), default=100, metavar="N",
+                       help="squares of 8x8 pixels where irradiance is compared, default 100")
+    group.add_argument("--rays", type=values.whole("--rays", 1, 100_000), default=128, metavar="N",
+                       help="rays of R2 for each pixel, default 128")
+    group.add_argument("--spp", type=values.whole("--spp", 1, 1_000_000), default=64, metavar="N",
+                       help="samples per pixel of R3's image, default 64; its irradiance takes 9/4 as many rays")
+    group.add_argument("--time", type=values.whole("--time", 1, 1_000_000), default=240, metavar="SECONDS",
+                       help="R3 takes no more samples after so long, for irradiance and image each; default 240")
+    group.add_argument("--bounce-series", action="store_true",
+                       help="also compare the image after 0 to 4 bounces with all light of the path tracer")
+    group.add_argument("--pictures", metavar="FILE", help="write the compared images, linear, to an .npz file")
+    add_image_flags(parser, f"frames rendered before the result is taken, default {FRAMES}")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Compares, prints tables, and writes files."""
+    target = output.check_target(args.json, (".json",)) if args.json not in (None, "-") else None
+    pictures = output.check_target(args.pictures, (".npz",)) if args.pictures else None
+    references = _references(args.reference)
+    settings = shared.settings_of(args)
+
+    from ssil_viewer.reference.compare import Effort, compare
+
+    effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time))
+    scene = shared.load(args)
+    camera = shared.camera_of(args, scene)
+    with _progress() as heard:
+        done = compare(scene, size=args.size, settings=settings, camera=camera, frames=args.frames or FRAMES,
+                       effort=effort, progress=heard)
+        if args.bounce_series:
+            from ssil_viewer.reference.bounce_series import bounce_series
+
+            series, warnings = bounce_series(scene, size=args.size, settings=settings, camera=camera,
+                                             frames=args.frames or FRAMES, spp=args.spp, seconds=float(args.time),
+                                             progress=heard)
+            done.result["bounces"] = series
+            done.warnings += warnings
+    shared.warn(done.warnings)
+    if args.json == "-":
+        print(json.dumps(done.result, indent=2, allow_nan=False))
+    else:
+        print_tables(done)
+    if target is not None:
+        output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
+    if pictures is not None:
+        output.write_npz(pictures, done.pictures)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """Shows what is being done on a terminal; elsewhere a line on standard error for each thing."""
+    if sys.stderr is None:
+        yield lambda what, share: None
+        return
+    if not sys.stderr.isatty():
+        said: set[str] = set()
+
+        def say(what: str, share: float) -> None:
+            if what not in said:
+                said.add(what)
+                print(f"{what} ...", file=sys.stderr, flush=True)
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=1.0)
+            bars.update(tasks[what], completed=share)
+        yield show
+
+
+def print_tables(done: Comparison) -> None:
+    """Prints the result on standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console, result = Console(soft_wrap=True), done.result
+    console.print(f"{result['scene']}, {result['size'][0]}x{result['size'][1]}, {result['blocks']} blocks of "
+                  f"{result['block']}x{result['block']} pixels", highlight=False)
+
+    def table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+        if not rows:
+            return
+        made = Table(title=title, title_justify="left")
+        made.add_column("")
+        for column in head:
+            made.add_column(column, justify="right")
+        for row in rows:
+            made.add_row(*row)
+        console.print(made)
+
+    table("irradiance of one bounce", ("bias", "relative RMSE", "correlation"), [
+        (name, _share(x["bias"]), _number(x["relative_rmse"]), _number(x["correlation"]))
+        for name, x in result["irradiance"].items()])
+    table("what the error consists of", ("relative RMSE",), [
+        (_MEANINGS[name], _number(value)) for name, value in result["differences"].items()])
+    table("image against R3", ("relative RMSE", "FLIP"), [
+        (name.replace("_", " "), _number(x["relative_rmse"]), _number(x.get("flip")))
+        for name, x in (result["image"] | ({"noise_of_R3": result["image_noise"]} if result["image"] else {})).items()])
+    table("bounces against all light", ("bias", "relative RMSE", "path tracer as far"), [
+        (str(x["bounces"]), _share(x["bias"]), _number(x["relative_rmse"]), _number(x["path_traced_relative_rmse"]))
+        for x in result.get("bounces", [])])
+    for name, seconds in result["seconds"].items():
+        console.print(f"{name}: {seconds:.0f} s", highlight=False)
+
+
+_MEANINGS = {
+    "noise": "noise: from seed to seed",
+    "method_without_visibility": "ours to R1: noise, rings, mipmaps, visibility mode",
+    "method_with_visibility": "ours to R2: noise, rings, mipmaps, error of the visibility mode",
+    "visibility": "R1 to R2: visibility as a whole",
+    "screen_senders": "R2 to R3_visible: senders as texels, materials, meshes",
+    "missing_layers": "R3_visible to R3: off screen and hidden layers",
+    "all": "ours to R3: all of it",
+}
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.1%}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

@@ -1,0 +1,327 @@
+"""The error of a view against references R1, R2 and R3: what `ssil-viewer compare` does."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass, field
+from typing import Any, Callable
+
+import moderngl
+import numpy as np
+
+from ssil_viewer.gpu.context import create_headless_context
+from ssil_viewer.gpu.light_table import look_along
+from ssil_viewer.headless import DEFAULT_SIZE, render_frames
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.reference import metrics
+from ssil_viewer.reference.all_pixels import Surfaces, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
+from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
+from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
+from ssil_viewer.scene.framing import default_camera
+from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.settings import Settings
+
+REFERENCES = ("R1", "R2", "R3")
+BLOCK = 8
+"""Side of the squares of pixels whose means are compared."""
+
+LIFT = 3e-4
+"""Of the view depth, by which receivers stand off their surface towards the camera; see `occluders.LIFT`."""
+
+_RAYS_OF_PASS = 36
+_SPP_OF_PASS = 4
+
+Progress = Callable[[str, float], None]
+Trace = Callable[[Description, list[ImageTask | IrradianceTask], Progress], dict[str, dict[str, np.ndarray]]]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How exact the references are.
+
+    Attributes:
+        references: Some of REFERENCES.
+        blocks: Squares of BLOCK x BLOCK pixels at random places where irradiance is compared; those that see background
+            are left out.
+        rays: Of R2, for each pixel.
+        path_rays: Of R3's irradiance, for each pixel.
+        spp: Samples per pixel of R3's image.
+        seconds: Mitsuba takes no further samples after so long, for the irradiance and for the image.
+    """
+
+    references: tuple[str, ...] = REFERENCES
+    blocks: int = 100
+    rays: int = 128
+    path_rays: int = 144
+    spp: int = 64
+    seconds: float = 240.0
+
+
+@dataclass
+class Comparison:
+    """What came out.
+
+    Attributes:
+        result: As JSON has it; see docs/compare.md.
+        warnings: References that could not be made, and what Mitsuba approximates.
+        pictures: Name -> (H, W, 3) float32 linear: "ssil", "direct_only", "constant_ambient", "R3", where they exist.
+    """
+
+    result: dict[str, Any]
+    warnings: list[str] = field(default_factory=list)
+    pictures: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
+            camera: Camera | None = None, frames: int = 16, effort: Effort = Effort(),
+            progress: Progress = lambda what, share: None, context: moderngl.Context | None = None,
+            trace: Trace = path_trace) -> Comparison:
+    """Render a view and compare it with the references.
+
+    Irradiance is compared for one bounce, whatever the settings say: that is what the references have. The image has
+    the bounces of the settings, in R3 too.
+
+    Args:
+        camera: The scene's first one, or a view of all of it, when None.
+        frames: Frames rendered before the result is taken.
+        progress: Hears what is being done and the share of it that is done.
+        trace: What traces paths for R3.
+
+    Raises:
+        UserError: No OpenGL, or a size or camera that cannot be rendered.
+    """
+    own = context is None
+    context = context or create_headless_context()
+    try:
+        return _Comparing(context, scene, size, settings, camera or default_camera(scene), frames, effort,
+                          progress, trace).run()
+    finally:
+        if own:
+            context.release()
+
+
+class _Comparing:
+    """One comparison; the parts of `compare` share what is here."""
+
+    def __init__(self, context: moderngl.Context, scene: Scene, size: tuple[int, int], settings: Settings,
+                 camera: Camera, frames: int, effort: Effort, progress: Progress,
+                 trace: Trace) -> None:
+        self._context, self._scene, self._size, self._settings = context, scene, size, settings
+        self._camera, self._frames, self._effort, self._progress = camera, frames, effort, progress
+        self._trace = trace
+        self._done = Comparison({
+            "scene": scene.name, "size": list(size), "settings": dataclasses.asdict(settings), "block": BLOCK,
+            "camera": dataclasses.asdict(camera), "frames": frames, "irradiance": {}, "image": {}, "seconds": {}})
+
+    def run(self) -> Comparison:
+        one_bounce = dataclasses.replace(self._settings, bounces=1, feedback=False)
+        renderer = self._rendered(one_bounce, "rendering")
+        try:
+            receivers = read_surfaces(renderer, self._camera)
+            self._blocks(receivers)
+            ours = renderer.read("indirect")[self._rows, self._columns]
+            self._occlusion = renderer.read("occlusion")[self._rows, self._columns][..., None].astype(np.float64)
+            self._ours = ours.mean((1, 2))
+            found = self._sums(renderer, receivers)
+            if self._settings != one_bounce:
+                renderer.release()
+                renderer = self._rendered(self._settings, "rendering all bounces")
+            found |= self._traced(renderer, receivers)
+        finally:
+            renderer.release()
+        noise = self._noise(one_bounce)
+        result = self._done.result
+        result["irradiance"] = {name: metrics.agreement(self._ours, found[name]) for name in (
+            "R1", "R2", "R3_visible", "R3") if name in found and len(self._rows)}
+        result["differences"] = self._differences(found, noise)
+        result["warnings"] = self._done.warnings
+        return self._done
+
+    # -- our own images ------------------------------------------------------------------------------------------------
+
+    def _rendered(self, settings: Settings, what: str) -> Renderer:
+        renderer = Renderer(self._context, self._size, settings, keep=("final",))
+        try:
+            renderer.set_scene(self._scene)
+            render_frames(renderer, self._camera, self._frames,
+                          lambda done: self._progress(what, done / self._frames))
+        except BaseException:
+            renderer.release()
+            raise
+        return renderer
+
+    def _blocks(self, receivers: Surfaces) -> None:
+        # A half of the draws may fall on background; more than 16 times as many means that hardly anything is seen
+        for factor in (1, 2, 4, 16):
+            rows, columns = random_blocks(receivers.visible, self._effort.blocks * factor, BLOCK)
+            if len(rows) >= self._effort.blocks:
+                break
+        self._rows, self._columns = rows[:self._effort.blocks], columns[:self._effort.blocks]
+        self._done.result["blocks"] = len(self._rows)
+        if not len(self._rows):
+            self._done.warnings.append("no irradiance is compared: the image has no block of pixels without background")
+
+    def _noise(self, settings: Settings) -> float | None:
+        """Relative RMSE of the blocks from one choice of random numbers to the next, over the square root of two."""
+        if not len(self._rows):
+            return None
+        other_seed = dataclasses.replace(settings, seed=(settings.seed + 1) % 2**31)
+        again = self._rendered(other_seed, "rendering another seed")
+        try:
+            other = again.read("indirect")[self._rows, self._columns].mean((1, 2))
+        finally:
+            again.release()
+        return float(np.sqrt(((other - self._ours.astype(np.float64))**2).mean() / 2))
+
+    # -- R1 and R2 -----------------------------------------------------------------------------------------------------
+
+    def _sums(self, renderer: Renderer, receivers: Surfaces) -> dict[str, np.ndarray]:
+        """Means over the blocks, (B, 3), of R1 and R2."""
+        wanted = [name for name in ("R1", "R2") if name in self._effort.references]
+        if not wanted or not len(self._rows):
+            return {}
+        level = self._settings.start_level
+        senders, radiance = read_surfaces(renderer, self._camera, level), renderer.read("radiance", level)
+        occluders = self._occluders() if "R2" in wanted else None
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in wanted if name == "R1" or occluders is not None}
+        begun = time.perf_counter()
+        chunk = 4
+        for start in range(0, len(self._rows), chunk):
+            rows, columns = self._rows[start:start + chunk], self._columns[start:start + chunk]
+            at = receivers.position[rows, columns].reshape(-1, 3), receivers.normal[rows, columns].reshape(-1, 3)
+            if occluders is None:
+                sums = {"R1": irradiance(senders, radiance, *at, self._settings.form_factor)}
+            else:
+                from ssil_viewer.reference.visible_pixels import seen_points
+                from ssil_viewer.reference.visible_pixels import sums as both_sums
+                if start == 0:
+                    ends = seen_points(receivers, senders)
+                sums = dict(zip(("R1", "R2"), both_sums(occluders, senders, ends, radiance, *at, self._effort.rays,
+                                                        self._settings.form_factor, seed=1 + start)))
+            for name, part in parts.items():
+                part.append(sums[name].reshape(*rows.shape, 3))
+            self._progress(" and ".join(parts), min(1.0, (start + chunk) / len(self._rows)))
+        for name in parts:
+            self._done.result["seconds"][name] = round(time.perf_counter() - begun, 2)
+        return {name: (np.concatenate(part) * self._occlusion).mean((1, 2)) for name, part in parts.items() if part}
+
+    def _occluders(self):
+        try:
+            from ssil_viewer.reference.occluders import Occluders
+        except ImportError:
+            self._done.warnings.append("R2 is left out: embreex is not installed: pip install 'ssil-viewer[reference]'")
+            return None
+        return Occluders(self._scene, self._camera)
+
+    # -- R3 ------------------------------------------------------------------------------------------------------------
+
+    def _traced(self, renderer: Renderer, receivers: Surfaces) -> dict[str, np.ndarray]:
+        """Means over the blocks of R3 and R3_visible; the image's comparison goes into the result."""
+        if "R3" not in self._effort.references:
+            return {}
+        description = describe(self._scene, self._settings)
+        tasks: list[ImageTask | IrradianceTask] = [ImageTask(
+            "image", camera_description(self._camera, self._size), _path_bounces(self._settings), self._effort.spp,
+            min(_SPP_OF_PASS, max(1, self._effort.spp // 2)), self._effort.seconds)]
+        if len(self._rows):
+            tasks.insert(0, self._irradiance_task(receivers))
+        begun = time.perf_counter()
+        try:
+            found = self._trace(description, tasks, lambda name, share: self._progress(f"R3 {name}", share))
+        except ReferenceFailure as failure:
+            self._done.warnings.append(f"R3 is left out: {failure}")
+            return {}
+        self._done.result["seconds"]["R3"] = round(time.perf_counter() - begun, 2)
+        self._done.warnings += [f"approximated in R3: {what}" for what in description.approximations]
+        self._image(renderer, receivers.visible, found["image"])
+        if "irradiance" not in found:
+            return {}
+        return self._irradiance_means(found["irradiance"])
+
+    def _irradiance_task(self, receivers: Surfaces) -> IrradianceTask:
+        eye = np.asarray(self._camera.eye, np.float64)
+        view = look_along(eye, np.asarray(self._camera.target, np.float64) - eye, np.asarray(self._camera.up))
+        world = np.linalg.inv(view)
+        position = receivers.position[self._rows, self._columns].reshape(-1, 3)
+        normal = receivers.normal[self._rows, self._columns].reshape(-1, 3) @ world[:3, :3].T
+        tan_y = float(np.tan(self._camera.vertical_fov / 2))
+        return IrradianceTask(
+            "irradiance", position * (1 - LIFT) @ world[:3, :3].T + world[:3, 3], normal,
+            LIFT * np.linalg.norm(position, axis=-1), view, (tan_y * self._size[0] / self._size[1], tan_y),
+            self._effort.path_rays, _RAYS_OF_PASS, self._effort.seconds)
+
+    def _irradiance_means(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        shape = (2, *self._rows.shape, 3)
+        halves = {name: (found[key].reshape(shape) * self._occlusion).mean((2, 3))
+                  for name, key in (("R3", "all"), ("R3_visible", "visible"))}
+        self._done.result["reference_noise"] = {
+            name: metrics.noise_of_halves(*pair) for name, pair in halves.items()}
+        self._done.result["path_rays"] = int(found["rays"])
+        return {name: pair.mean(0) for name, pair in halves.items()}
+
+    def _image(self, renderer: Renderer, visible: np.ndarray, found: dict[str, np.ndarray]) -> None:
+        direct, albedo = renderer.read("direct").astype(np.float64), renderer.read("albedo").astype(np.float64)
+        ours = renderer.read("final") if "final" in renderer.buffers() else direct
+        means = {name: metrics.block_means(image, visible, BLOCK) for name, image in (
+            ("R3", found["image"]), ("direct", direct), ("albedo", albedo), ("first", found["first"]),
+            ("second", found["second"]))}
+        if not len(means["R3"]):
+            self._done.warnings.append("no image is compared: it has no block of pixels without background")
+            return
+        # Least squares, for each channel; light is not negative
+        ambient = np.maximum((means["albedo"] * (means["R3"] - means["direct"])).sum(0)
+                             / np.maximum((means["albedo"]**2).sum(0), 1e-12), 0)
+        # Behind everything there is the same backdrop in all
+        truth = np.where(visible[..., None], found["image"], direct)
+        images = {"ssil": ours, "direct_only": direct, "constant_ambient": direct + albedo * ambient}
+        shown, compared = renderer.displayed(truth), {}
+        for name, image in images.items():
+            compared[name] = {"relative_rmse": metrics.agreement(
+                metrics.block_means(image, visible, BLOCK), means["R3"])["relative_rmse"]}
+            if metrics.has_flip():
+                compared[name]["flip"] = metrics.flip(renderer.displayed(image), shown)
+        result = self._done.result
+        result["image"] = compared
+        result["image_bounces"] = _path_bounces(self._settings)
+        result["image_spp"] = int(found["spp"])
+        result["image_noise"] = {"relative_rmse": metrics.noise_of_halves(means["first"], means["second"])}
+        if metrics.has_flip():
+            halves = [renderer.displayed(np.where(visible[..., None], found[key], direct))
+                      for key in ("first", "second")]
+            result["image_noise"]["flip"] = metrics.flip(*halves)
+        else:
+            self._done.warnings.append(
+                "flip is left out: flip-evaluator is not installed: pip install 'ssil-viewer[reference]'")
+        self._done.pictures |= {name: np.asarray(image, np.float32) for name, image in (*images.items(), ("R3", truth))}
+
+    # -- what the error consists of ------------------------------------------------------------------------------------
+
+    def _differences(self, found: dict[str, np.ndarray], noise: float | None) -> dict[str, float]:
+        """Rms differences between pairs over the blocks, all over the mean of the last reference there is."""
+        if not found or noise is None:
+            return {}
+        scale = next(found[name] for name in ("R3", "R2", "R1", "R3_visible") if name in found).mean()
+        everything = found | {"ours": self._ours}
+        shares = {"noise": noise}
+        for name, (a, b) in DIFFERENCES.items():
+            if a in everything and b in everything:
+                shares[name] = float(np.sqrt(((everything[a] - everything[b])**2).mean()))
+        return {name: value / scale for name, value in shares.items()} if scale > 0 else {}
+
+
+DIFFERENCES = {
+    "method_without_visibility": ("ours", "R1"),
+    "method_with_visibility": ("ours", "R2"),
+    "visibility": ("R1", "R2"),
+    "screen_senders": ("R2", "R3_visible"),
+    "missing_layers": ("R3_visible", "R3"),
+    "all": ("ours", "R3"),
+}
+"""What the difference of two lights shows."""
+
+
+def _path_bounces(settings: Settings) -> int | None:
+    """Bounces of a path tracer that shows the same light: None, all of them, where the light is fed back."""
+    return None if settings.feeds_back else settings.bounces

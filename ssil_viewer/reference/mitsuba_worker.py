@@ -1,0 +1,323 @@
+"""The process in which Mitsuba 3 runs: with an LLVM that it does not like it aborts, and takes its process along.
+
+    python -m ssil_viewer.reference.mitsuba_worker VARIANT FOLDER
+
+FOLDER/job.pickle holds a `Job`; the result of each task goes to FOLDER/NAME.npz as soon as it is there. Standard output
+has lines "progress NAME SHARE". Without FOLDER the variant is tried out on a small scene.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+import time
+from pathlib import Path
+from typing import Any, Callable
+
+import numpy as np
+
+from ssil_viewer.reference.mitsuba_export import Description
+from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask, Job
+
+LIGHT_LEVELS = 4
+"""Area lights that a ray may cross on its way: they are no surfaces, and nothing sees them."""
+
+SELF_HIT = 4.0
+"""Hits nearer than this many lifts are the receiver's own surface, below the horizon that a normal map bends."""
+
+
+class World:
+    """The scene in Mitsuba: once with the lights alone, once with the surfaces that shine alone.
+
+    Light adds up, so an image is the sum of both, each with the depth that its bounces need: light of a lamp is direct
+    where it falls first, light of a surface there is its first indirect bounce.
+    """
+
+    def __init__(self, description: Description) -> None:
+        import mitsuba as mi
+        self._mi, self._description = mi, description
+        self._bsdfs = [mi.load_dict(_converted(mi, bsdf)) for bsdf in description.bsdfs]
+        self.lit = self._scene(lights=True, emission=False)
+        self.shining = self._scene(lights=False, emission=True) if description.emissive else None
+
+    def integrator(self, depth: int, camera: bool = False):
+        """Light along paths of up to `depth` edges; -1 for all. volpath lets light through the holes of masks."""
+        return self._mi.load_dict({"type": "volpath" if self._description.masked else "path", "max_depth": depth,
+                                   "rr_depth": 12 if depth < 0 else 10_000, "hide_emitters": camera})
+
+    def sensor(self, camera: dict[str, Any]):
+        """A perspective camera."""
+        mi = self._mi
+        return mi.load_dict({
+            "type": "perspective", "fov": camera["fov"], "fov_axis": "y", "near_clip": camera["near_clip"],
+            "far_clip": 1e7 * camera["near_clip"], "to_world": mi.ScalarTransform4f().look_at(
+                origin=camera["eye"], target=camera["target"], up=camera["up"]),
+            "sampler": {"type": "independent"},
+            "film": {"type": "hdrfilm", "width": camera["width"], "height": camera["height"], "pixel_format": "rgb",
+                     "component_format": "float32", "rfilter": {"type": "box"}}})
+
+    def _scene(self, lights: bool, emission: bool):
+        mi = self._mi
+        parts: dict[str, Any] = {"type": "scene"}
+        for index, mesh in enumerate(self._description.meshes):
+            parts[f"mesh{index}"] = self._mesh(f"mesh{index}", mesh, emission)
+        if lights:
+            for index, light in enumerate(self._description.lights):
+                parts[f"light{index}"] = _converted(mi, _with_area(light))
+            if self._description.environment is not None:
+                parts["environment"] = _converted(mi, self._description.environment)
+        return mi.load_dict(parts)
+
+    def _mesh(self, name: str, mesh: dict[str, Any], emission: bool):
+        mi = self._mi
+        props = mi.Properties()
+        props["mesh_bsdf"] = self._bsdfs[mesh["bsdf"]]
+        if emission and mesh["emission"] is not None:
+            props["mesh_emitter"] = mi.load_dict({"type": "area", "radiance": _converted(mi, mesh["emission"])})
+        made = mi.Mesh(name, len(mesh["positions"]), len(mesh["faces"]), has_vertex_normals=True,
+                       has_vertex_texcoords=True, props=props)
+        if mesh["colors"] is not None:
+            made.add_attribute("vertex_color", 3, np.ravel(np.clip(mesh["colors"], 0, 1)))
+        values = mi.traverse(made)
+        values["vertex_positions"], values["vertex_normals"] = np.ravel(mesh["positions"]), np.ravel(mesh["normals"])
+        values["vertex_texcoords"], values["faces"] = np.ravel(mesh["texcoords"]), np.ravel(mesh["faces"])
+        values.update()
+        return made
+
+
+def _with_area(light: dict[str, Any]) -> dict[str, Any]:
+    """A shape that emits and reflects nothing."""
+    if "area" not in light:
+        return light
+    shape = {key: value for key, value in light.items() if key != "area"}
+    black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+    return shape | {"emitter": {"type": "area", "radiance": {"type": "rgb", "value": light["area"]}}, "bsdf": black}
+
+
+def _converted(mi, described: dict[str, Any]) -> dict[str, Any]:
+    """Arrays turned into Mitsuba's pictures and transforms."""
+    made = {}
+    for key, value in described.items():
+        if key == "data":
+            made["bitmap"] = mi.Bitmap(np.ascontiguousarray(value, np.float32))
+            if described["type"] == "bitmap":
+                made["raw"] = True
+        elif key == "to_world":
+            made[key] = mi.ScalarTransform4f(value)
+        elif key == "to_uv":
+            made[key] = mi.ScalarTransform3f(value)
+        elif key != "factor":
+            made[key] = _converted(mi, value) if isinstance(value, dict) else value
+    return made
+
+
+# -- images ------------------------------------------------------------------------------------------------------------
+
+
+def render_image(world: World, task: ImageTask, report: Callable[[float], None]) -> dict[str, np.ndarray]:
+    """"image" and "other", (H, W, 3) float32: means over halves of the passes, whose difference is the noise."""
+    import mitsuba as mi
+    sensor = world.sensor(task.camera)
+    depth = -1 if task.bounces is None else task.bounces + 2
+    parts = [(world.lit, depth)] if world.lit.emitters() else []
+    if world.shining is not None:
+        parts.append((world.shining, depth if depth < 0 else depth - 1))
+    shape = (task.camera["height"], task.camera["width"], 3)
+    sums, counts, begun = [np.zeros(shape), np.zeros(shape)], [0, 0], time.perf_counter()
+    passes = max(2, -(-task.spp // task.spp_of_pass))
+    for at in range(passes):
+        for scene, limit in parts:
+            pixels = np.array(mi.render(scene, sensor=sensor, integrator=world.integrator(limit, camera=True),
+                                        spp=task.spp_of_pass, seed=task.seed * 10_000 + at))
+            sums[at % 2] += np.nan_to_num(pixels[..., :3], nan=0.0, posinf=0.0, neginf=0.0)
+        counts[at % 2] += 1
+        report((at + 1) / passes)
+        if at > 0 and time.perf_counter() - begun > task.seconds:
+            break
+    return {"first": (sums[0] / counts[0]).astype(np.float32), "second": (sums[1] / counts[1]).astype(np.float32),
+            "image": ((sums[0] + sums[1]) / sum(counts)).astype(np.float32),
+            "spp": np.array(sum(counts) * task.spp_of_pass)}
+
+
+# -- irradiance --------------------------------------------------------------------------------------------------------
+
+
+def gather_irradiance(world: World, task: IrradianceTask, report: Callable[[float], None]) -> dict[str, np.ndarray]:
+    """"all", "visible": (2, N, 3) float64, W m^-2, each from half of the passes."""
+    tracer = _VectorTracer(world, task) if _is_vector() else _ScalarTracer(world, task)
+    count = len(task.position)
+    sums, counts, begun = np.zeros((2, 2, count, 3)), [0, 0], time.perf_counter()
+    passes = max(2, -(-task.rays // task.rays_of_pass))
+    for at in range(passes):
+        rng = np.random.default_rng((task.seed, at))
+        directions = _cosine_directions(task.normal, task.rays_of_pass, rng)
+        light, seen = tracer.trace(directions, task.seed * 10_000 + at)
+        light = np.nan_to_num(light, nan=0.0, posinf=0.0, neginf=0.0)
+        sums[0, at % 2] += np.pi * light.mean(1)
+        sums[1, at % 2] += np.pi * (light * seen[..., None]).mean(1)
+        counts[at % 2] += 1
+        report((at + 1) / passes)
+        if at > 0 and time.perf_counter() - begun > task.seconds:
+            break
+    return {"all": sums[0] / np.array(counts)[:, None, None], "visible": sums[1] / np.array(counts)[:, None, None],
+            "rays": np.array(sum(counts) * task.rays_of_pass)}
+
+
+def _cosine_directions(normal: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(N, count, 3) unit vectors about each normal, stratified over the disc below the hemisphere."""
+    side = int(round(count**0.5))
+    cell = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2)
+    u = (cell + rng.random((len(normal), side * side, 2))) / side
+    radius, angle = np.sqrt(u[..., 0]), 2 * np.pi * u[..., 1]
+    helper = np.where(np.abs(normal[:, :1]) < 0.9, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    tangent = np.cross(normal, helper)
+    tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
+    bitangent = np.cross(normal, tangent)
+    up = np.sqrt(np.maximum(1 - u[..., 0], 0))
+    return (tangent[:, None] * (radius * np.cos(angle))[..., None]
+            + bitangent[:, None] * (radius * np.sin(angle))[..., None] + normal[:, None] * up[..., None])
+
+
+def _is_vector() -> bool:
+    import mitsuba as mi
+    return not mi.variant().startswith("scalar")
+
+
+class _Tracer:
+    """Light that comes along rays from the receivers, and whether the camera sees where it comes from."""
+
+    def __init__(self, world: World, task: IrradianceTask) -> None:
+        import mitsuba as mi
+        self._mi, self._world, self._task = mi, world, task
+        # Light that a hit reflects or emits: of paths of two edges in the lit scene, of one where surfaces shine
+        self._reflected, self._emitted = world.integrator(2), world.integrator(1)
+        self._sampler = mi.load_dict({"type": "independent"})
+        self._eye = np.linalg.inv(task.view_from_world)[:3, 3]
+        self._eye_point = mi.Point3f(*self._eye.tolist())
+
+    def _in_image(self, point: np.ndarray) -> np.ndarray:
+        """(N,) bool: inside the camera's view, for world points (N, 3)."""
+        view = point @ self._task.view_from_world[:3, :3].T + self._task.view_from_world[:3, 3]
+        depth = -view[:, 2]
+        return (depth > 0) & (np.abs(view[:, 0]) <= depth * self._task.tangents[0]) & (
+            np.abs(view[:, 1]) <= depth * self._task.tangents[1])
+
+
+class _ScalarTracer(_Tracer):
+    """One ray after the other: for variants without LLVM."""
+
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Radiance (N, R, 3), and (N, R) bool: from what the camera sees."""
+        mi, world, task = self._mi, self._world, self._task
+        self._sampler.seed(seed)
+        light, seen = np.zeros(directions.shape), np.zeros(directions.shape[:2], bool)
+        lit, shining, sampler = world.lit, world.shining, self._sampler
+        eye, origins = self._eye_point, task.position.tolist()
+        points, sides = np.zeros(directions.shape), np.zeros(directions.shape)
+        hit = np.zeros(directions.shape[:2], bool)
+        for i, around in enumerate(directions.tolist()):
+            origin, nearest = mi.Point3f(*origins[i]), SELF_HIT * task.lift[i]
+            for j, along in enumerate(around):
+                ray = mi.Ray3f(origin, mi.Vector3f(*along))
+                si = lit.ray_intersect(ray)
+                for _ in range(LIGHT_LEVELS):
+                    if not (si.is_valid() and si.shape.is_emitter()):
+                        break
+                    ray = si.spawn_ray(ray.d)
+                    si = lit.ray_intersect(ray)
+                if not si.is_valid():
+                    continue
+                p, n = si.p, si.n
+                if (p[0] - origin[0])**2 + (p[1] - origin[1])**2 + (p[2] - origin[2])**2 < nearest * nearest:
+                    continue
+                found = self._reflected.sample(lit, sampler, ray)[0]
+                light[i, j] = found[0], found[1], found[2]
+                if shining is not None:
+                    found = self._emitted.sample(shining, sampler, ray)[0]
+                    light[i, j] += found[0], found[1], found[2]
+                hit[i, j], points[i, j], sides[i, j] = True, (p[0], p[1], p[2]), (n[0], n[1], n[2])
+        inside = hit & (light.max(-1) > 0)
+        inside[inside] = self._in_image(points[inside])
+        faces = ((self._eye - points) * sides).sum(-1) * (-directions * sides).sum(-1) > 0
+        for i, j in np.argwhere(inside & faces):
+            to_point = points[i, j] - self._eye
+            distance = float(np.linalg.norm(to_point))
+            ray = mi.Ray3f(eye, mi.Vector3f(*(to_point / distance)), distance * (1 - 1e-3), 0.0, [])
+            seen[i, j] = not lit.ray_test(ray)
+        return light, seen
+
+
+class _VectorTracer(_Tracer):
+    """All rays at once."""
+
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """See `_ScalarTracer.trace`."""
+        import drjit as dr
+        mi, world, task = self._mi, self._world, self._task
+        count = directions.shape[0] * directions.shape[1]
+        flat = np.ascontiguousarray(directions.reshape(-1, 3).T, np.float32)
+        origins = np.ascontiguousarray(np.repeat(task.position, directions.shape[1], axis=0).T, np.float32)
+        ray = mi.Ray3f(mi.Point3f(origins), mi.Vector3f(flat))
+        start = mi.Point3f(ray.o)
+        si = world.lit.ray_intersect(ray)
+        for _ in range(LIGHT_LEVELS if any("area" in x for x in world._description.lights) else 0):
+            lamp = si.is_valid() & si.shape.is_emitter()
+            ray = dr.select(lamp, si.spawn_ray(ray.d), ray)
+            si = world.lit.ray_intersect(ray)
+        nearest = np.repeat(SELF_HIT * task.lift, directions.shape[1]).astype(np.float32)
+        hit = si.is_valid() & (dr.norm(si.p - start) >= mi.Float(nearest))
+        self._sampler.seed(seed, count)
+        light = dr.select(hit, self._reflected.sample(world.lit, self._sampler, ray, active=hit)[0], 0.0)
+        if world.shining is not None:
+            light += dr.select(hit, self._emitted.sample(world.shining, self._sampler, ray, active=hit)[0], 0.0)
+        to_point = si.p - self._eye_point
+        distance = dr.norm(to_point)
+        back = mi.Ray3f(self._eye_point, to_point / distance)
+        back.maxt = distance * (1 - 1e-3)
+        faces = dr.dot(-to_point, si.n) * dr.dot(-ray.d, si.n) > 0
+        seen = hit & faces & ~world.lit.ray_test(back, active=hit & faces)
+        points = np.array(si.p).T.reshape(-1, 3)
+        inside = np.array(seen) & self._in_image(np.where(np.isfinite(points), points, 0.0))
+        return np.array(light).T.reshape(directions.shape), inside.reshape(directions.shape[:2])
+
+
+# -- the process -------------------------------------------------------------------------------------------------------
+
+
+def _try_out(variant: str) -> None:
+    """Renders a small scene: code that LLVM cannot compile ends the process here."""
+    import mitsuba as mi
+    mi.set_variant(variant)
+    scene = mi.cornell_box()
+    scene["sensor"]["film"]["width"] = scene["sensor"]["film"]["height"] = 8
+    if not np.isfinite(np.array(mi.render(mi.load_dict(scene), spp=1))).all():
+        raise SystemExit("the first image is not finite")
+
+
+def main() -> None:
+    """Does the job."""
+    variant = sys.argv[1]
+    if len(sys.argv) < 3:
+        _try_out(variant)
+        return
+    import mitsuba as mi
+    mi.set_variant(variant)
+    mi.set_log_level(mi.LogLevel.Error)
+    folder = Path(sys.argv[2])
+    with (folder / "job.pickle").open("rb") as file:
+        job: Job = pickle.load(file)
+    world = World(job.description)
+    for task in job.tasks:
+        def report(share: float, name: str = task.name) -> None:
+            print(f"progress {name} {share:.4f}", flush=True)
+        report(0.0)
+        run = render_image if isinstance(task, ImageTask) else gather_irradiance
+        found = run(world, task, report)
+        part = folder / f"{task.name}.part"
+        with part.open("wb") as file:
+            np.savez(file, **found)
+        part.rename(folder / f"{task.name}.npz")
+
+
+if __name__ == "__main__":
+    main()
