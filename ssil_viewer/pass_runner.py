@@ -356,7 +356,6 @@ class PassRunner:
                 level = self.settings.start_level
             else:
                 level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
-            level = dispatch.read_levels.get(name, level)
             reads.append((name, self.declared[target.removesuffix("@previous")].format))
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)

@@ -7,10 +7,10 @@ noise, the rings, the widening of the lobe to texels, the coarser levels and the
 from __future__ import annotations
 
 import numpy as np
+from tests.reference import Surfaces, read_surfaces, shining, transport
 
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
-from tests.reference import Surfaces, read_surfaces, shining, transport
 
 
 def exponent(roughness: np.ndarray) -> np.ndarray:

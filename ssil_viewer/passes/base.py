@@ -47,7 +47,6 @@ class Dispatch:
         defines: Preprocessor definitions: each combination is a program of its own.
         omit: GLSL names of optional reads and writes that this run does without.
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
-        read_levels: GLSL name -> level read, where it does not follow from the level written.
     """
 
     level: int = 0
@@ -55,7 +54,6 @@ class Dispatch:
     defines: tuple[tuple[str, str], ...] = ()
     omit: frozenset[str] = frozenset()
     targets: dict[str, str] = field(default_factory=dict)
-    read_levels: dict[str, int] = field(default_factory=dict)
 
 
 class Pass:

@@ -23,7 +23,8 @@ class GlossyResolve(ScreenPass):
     name = "glossy_resolve"
     shader = "passes/glossy_resolve.glsl"
     reads = {"surface": Read.of("surface"), "specular": Read.of("specular"),
-             "start_surface": Read.of("surface"), "glossy_light": Read.of("glossy_light"),
+             "start_surface": Read.of("surface", offset="start"),
+             "glossy_light": Read.of("glossy_light", offset="start"),
              "irradiance": Read.of("irradiance", optional=True), "motion": Read.of("motion", optional=True),
              "previous_surface": Read.of("surface@previous", optional=True),
              "history": Read.of("reflection@previous", optional=True)}
@@ -38,5 +39,4 @@ class GlossyResolve(ScreenPass):
         start = frame.settings.start_level
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
         omit = {"irradiance", "motion", "previous_surface", "history"} if not frame.settings.temporal else set()
-        yield Dispatch(0, {"texel": float(2**start), "taps": 4}, (chosen,), frozenset(omit),
-                       {"start_surface": start, "glossy_light": start})
+        yield Dispatch(0, {"texel": float(2**start), "taps": 4}, (chosen,), frozenset(omit))

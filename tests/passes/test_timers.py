@@ -1,6 +1,7 @@
 """Times of passes: what counts, that nothing stalls, and that the parts add up to the whole. Never a magnitude."""
 
-from __future__ import annotations
+from __future__ from dataclasses import replace
+import annotations
 
 import pytest
 
@@ -189,7 +190,9 @@ def test_the_passes_add_up_to_the_frame(make_renderer, settings):
 
 
 def test_every_pass_that_runs_has_a_time(make_renderer):
-    renderer = make_renderer(scenes.cornell(), (32, 18), samples=4)
+    scene = scenes.cornell()
+    shiny = replace(scene, materials=tuple(replace(m, roughness=0.3, specular=1.0) for m in scene.materials))
+    renderer = make_renderer(shiny, (32, 18), samples=4)
     render_frames(renderer, CAMERA, WARM_UP_FRAMES + RING)
     runner = renderer._runner      # its settings leave out what the scene has no use for
     assert set(renderer.timings.passes) == {p.name for p in FRAME if p().runs(runner.settings, runner.features)}

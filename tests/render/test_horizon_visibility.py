@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.reference import bias_and_error, random_blocks
+from tests.visible_reference import references
 
 from ssil_viewer.headless import render_frames
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Light, Material
 from tests import scenes
-from tests.reference import bias_and_error, random_blocks
-from tests.visible_reference import references
 
 WHITE = Material(base_color=(0.7, 0.7, 0.7, 1.0), specular=0.0)
 
