@@ -1,7 +1,8 @@
 """Times of passes: what counts, that nothing stalls, and that the parts add up to the whole. Never a magnitude."""
 
-from __future__ from dataclasses import replace
-import annotations
+from __future__ import annotations
+
+from dataclasses import replace
 
 import pytest
 
