@@ -117,9 +117,12 @@ def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: b
     for table in tables:
         # On a line of its own: a title within the table would be broken to the table's width
         console.print(f"{title}: {table.title}", markup=False, highlight=False, soft_wrap=True)
-        shown = RichTable(box=box.SIMPLE_HEAD)
+        shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
         for at, name in enumerate(table.headers):
-            shown.add_column(name, justify="right" if at else "left", overflow="fold")
+            # In a narrow terminal lines are broken between words, not within numbers
+            words = [word for cell in (name, *(row[at] for row in table.rows)) for word in cell.split()]
+            shown.add_column(name, justify="right" if at else "left", overflow="fold",
+                             min_width=max(map(len, words), default=1))
         for row in table.rows:
             shown.add_row(*map(escape, row))
         console.print(shown)

@@ -10,8 +10,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "scene": ("shadows", "gbuffer"),
     "direct": ("sky", "sky_filter", "direct"),
     "voxelization": ("depth_range", "voxelize", "voxel_mipmap"),
-    "indirect": ("mipmap", "reflect", "mipmap_radiance", "gather"),
-    "upsampling_compositing": ("upsample", "add_bounces", "temporal", "composite"),
+    "indirect": ("mipmap", "reflect", "mipmap_radiance", "gather", "glossy_gather"),
+    "upsampling_compositing": ("upsample", "add_bounces", "temporal", "glossy_upsample", "glossy_resolve",
+                               "composite"),
 }
 """Group -> names of its passes."""
 

@@ -166,7 +166,8 @@ def _describe(series: Series) -> dict[str, Any]:
     worst = growth(series.rule, [(point["load"], point["least_ms"]) for point in points])
     limit = FLAT if series.rule == "flat" else LINEAR
     return {"name": series.name, "rule": series.rule, "limit": limit, "worst": worst, "holds": worst <= limit,
-            "groups": list(series.groups), "points": points}
+            "groups": list(series.groups), "points": points,
+            "repeats_within": max(point["repeats_within"] for point in points)}
 
 
 def growth(rule: str, points: Sequence[tuple[float, float]]) -> float:
@@ -179,15 +180,17 @@ def growth(rule: str, points: Sequence[tuple[float, float]]) -> float:
 
 
 def _point(point: Point, groups: tuple[str, ...]) -> dict[str, Any]:
-    """Median of the rounds' medians; and the least of their tenth percentiles, which the verdict is about."""
+    """Median of the rounds' medians; the least of their tenth percentiles, which the verdict is about; and how many
+    times the least the largest of these is: measurements that do not repeat cannot tell much."""
     def total(row: Row, quantile: str) -> float:
         found = group_times(row.timings.passes, quantile)
         return sum(found[group] for group in groups)
 
     sums = [group_times(row.timings.passes) for row in point.rows]
+    least = [total(row, "p10_ms") for row in point.rows]
     return {"label": point.label, "load": point.load,
             "median_ms": statistics.median(total(row, "median_ms") for row in point.rows),
-            "least_ms": min(total(row, "p10_ms") for row in point.rows),
+            "least_ms": min(least), "repeats_within": max(least) / min(least),
             **{f"{group}_ms": statistics.median(found[group] for found in sums) for group in GROUPS},
             "frame_wall_ms": statistics.median(row.timings.frame.median_ms for row in point.rows)}
 
@@ -217,6 +220,10 @@ def verdicts(report: dict[str, Any]) -> list[str]:
         else:
             lines.append(f"{series['name']}: linear, no worse than {series['limit']:g} times? {held}, at most "
                          f"{series['worst']:.2f} times")
+        if not series["holds"] and series["repeats_within"] > series["limit"]:
+            apart = 100 * (series["repeats_within"] - 1)
+            lines[-1] += (f"; but rounds of the same point differ by up to {apart:.0f} %, so the machine is too busy "
+                          "to tell")
     return [*lines, f"Verdicts are about the least times, which disturbances change least; by {report['clock']}."]
 
 

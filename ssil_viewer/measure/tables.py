@@ -38,15 +38,15 @@ def sums_table(report: dict[str, Any]) -> Table:
     """One line for each row of the benchmark: the talk's columns, and the whole frame."""
     names = _shown_settings(report)
     headers = (row_header(report), "voxelization", "indirect", "upsampling & compositing", "total", "frame",
-               "p10 .. p90", "rest", "targets MB")
+               "p10 .. p90", "MB")
     rows = []
     for row in report["rows"]:
         numbers = [milliseconds(row[name]) for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms",
                                                "total_ms", "frame_wall_ms")]
         spread = f"{milliseconds(row['frame_p10_ms'])} .. {milliseconds(row['frame_p90_ms'])}"
-        rows.append((_row_title(row, names), *numbers, spread, milliseconds(row["rest_ms"]),
-                     f"{row['target_bytes'] / 1e6:.1f}"))
-    return Table(f"ms, median of {report['frames']} frames", headers, tuple(rows))
+        rows.append((_row_title(row, names), *numbers, spread, f"{row['target_bytes'] / 1e6:.1f}"))
+    frames = f"{report['frames']} frame{'s' if report['frames'] > 1 else ''}"
+    return Table(f"ms, median of {frames}", headers, tuple(rows))
 
 
 def row_header(report: dict[str, Any]) -> str:

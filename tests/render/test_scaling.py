@@ -122,6 +122,7 @@ def test_a_report_has_every_series_with_its_loads_and_verdict(report, tmp_path):
         assert one["limit"] == (1.05 if one["rule"] == "flat" else 1.1)
         assert one["holds"] == (one["worst"] <= one["limit"])
         assert one["worst"] == scaling.growth(one["rule"], [(p["load"], p["least_ms"]) for p in one["points"]])
+        assert all(point["repeats_within"] >= 1 for point in one["points"])
         assert all(0 < point["least_ms"] <= point["frame_wall_ms"] for point in one["points"])
     text = tables.to_markdown(report, scaling.report_tables(report), scaling.verdicts(report))
     assert text.count(report["clock"]) == 7, "in the heading, in every table and in the verdicts"
@@ -135,6 +136,17 @@ def test_a_report_has_every_series_with_its_loads_and_verdict(report, tmp_path):
             written.append((tmp_path / f"a{ending}").read_bytes())
         assert len(written[0]) > 1000 and written[0] == written[1], ending
     assert "triangles: flat" in (tmp_path / "a.svg").read_text()
+
+
+def test_a_verdict_says_when_the_machine_is_too_busy_to_tell():
+    def verdict(worst, repeats_within):
+        series = {"name": "lights", "rule": "flat", "limit": 1.05, "worst": worst, "holds": worst <= 1.05,
+                  "repeats_within": repeats_within}
+        return scaling.verdicts({"series": [series], "clock": "clock"})[0]
+
+    assert verdict(1.02, 1.5) == "lights: flat within 5 %? yes, the slowest takes 2.0 % longer than the fastest"
+    assert verdict(1.2, 1.01) == "lights: flat within 5 %? no, the slowest takes 20.0 % longer than the fastest"
+    assert "differ by up to 50 %, so the machine is too busy" in verdict(1.2, 1.5)
 
 
 def test_flags_that_do_not_go_together(monkeypatch):

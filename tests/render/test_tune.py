@@ -21,7 +21,7 @@ CAMERA = scenes.CORNELL_CAMERA
 
 
 def candidate(ms: float, error: float, **settings) -> Candidate:
-    return Candidate(Settings(**settings), ms, ms, error, dict.fromkeys(tune.TALK, ms / 3))
+    return Candidate(Settings(visibility="off", **settings), ms, ms, error, dict.fromkeys(tune.TALK, ms / 3))
 
 
 def test_candidates_fit_the_image_and_keep_what_is_given():
