@@ -7,7 +7,7 @@ PY = .venv/bin/python
 SCENE ?= builtin:atrium
 ARGS ?=
 
-.PHONY: help run test test-gl41 compare-direct lint docs pictures wheel
+.PHONY: help run test test-gl41 lint docs pictures wheel
 
 help:
 	@echo "make run       open the viewer (SCENE=file, ARGS=flags); renders to a file where there is no display"
@@ -55,10 +55,3 @@ test-gl41:
 	@sh tools/setup.sh test
 	MESA_GL_VERSION_OVERRIDE=4.1 MESA_GLSL_VERSION_OVERRIDE=410 $(PY) -m pytest -m "not slow" tests/glsl tests/passes \
 		tests/render $(ARGS)
-
-# Direct light against a path tracer, which it installs into a virtual environment of its own.
-compare-direct:
-	@sh tools/setup.sh test
-	@test -x out/mitsuba/bin/python || $(PY) -m venv out/mitsuba
-	@out/mitsuba/bin/python -m pip install -q mitsuba .
-	out/mitsuba/bin/python tools/compare_direct.py $(ARGS)

@@ -11,7 +11,7 @@ from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.headless import render_frames
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference import metrics
-from ssil_viewer.reference.compare import BLOCK, Progress
+from ssil_viewer.reference.compare import BLOCK, Progress, Trace
 from ssil_viewer.reference.mitsuba_export import camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
@@ -24,11 +24,12 @@ _SPP_OF_PASS = 4
 
 def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, camera: Camera, frames: int, spp: int,
                   seconds: float, progress: Progress = lambda what, share: None,
-                  variant: str | None = None) -> tuple[list[dict[str, Any]], list[str]]:
+                  trace: Trace = path_trace) -> tuple[list[dict[str, Any]], list[str]]:
     """The image after each number of bounces, 0 to 4, against all light, over means of 8x8 pixels without background.
 
     Args:
         spp, seconds: Of each path-traced image; all light gets four times as many samples.
+        trace: What traces paths.
 
     Returns:
         For each number of bounces a dictionary: bounces, bias and relative_rmse of ours against all light,
@@ -43,7 +44,7 @@ def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, ca
     tasks = [ImageTask(f"bounces{b}", view, b, spp, of_pass, seconds, seed=b + 1) for b in range(MOST_BOUNCES + 1)]
     tasks.append(ImageTask("all", view, None, 4 * spp, of_pass, 4 * seconds))
     try:
-        traced = path_trace(description, tasks, lambda name, share: progress(f"R3 {name}", share), variant)
+        traced = trace(description, tasks, lambda name, share: progress(f"R3 {name}", share))
     except ReferenceFailure as failure:
         return [], [f"bounces are not compared: {failure}"]
     series, context = [], create_headless_context()

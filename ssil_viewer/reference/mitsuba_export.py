@@ -162,7 +162,8 @@ class _Bsdfs:
             base = {"type": "rgb", "value": np.clip(color, 0, 1).tolist()}
         bsdf = self._reflecting(material, base)
         if material.normal_texture is not None and self._fits(material, material.normal_texture, "normal maps"):
-            bsdf = {"type": "normalmap", "bsdf": bsdf, "normalmap": _normals(images, material, mirrored)}
+            bsdf = {"type": "normalmap", "bsdf": bsdf, "normalmap": _normals(images, material, mirrored),
+                    "use_shadowing_function": False}
         if material.occlusion_texture is not None:
             notes.add("occlusion maps are left out")
         if material.double_sided:

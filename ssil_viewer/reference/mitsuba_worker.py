@@ -19,8 +19,11 @@ import numpy as np
 from ssil_viewer.reference.mitsuba_export import Description
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask, Job
 
-LIGHT_LEVELS = 4
-"""Area lights that a ray may cross on its way: they are no surfaces, and nothing sees them."""
+MOST_CROSSED = 8
+"""Area lights, which nothing sees, and holes in masked surfaces that a ray may cross on its way."""
+
+NEARLY = 1 - 1e-3
+"""Of the distance to a point: the camera sees it if nothing is nearer than this."""
 
 SELF_HIT = 4.0
 """Hits nearer than this many lifts are the receiver's own surface, below the horizon that a normal map bends."""
@@ -35,14 +38,14 @@ class World:
 
     def __init__(self, description: Description) -> None:
         import mitsuba as mi
-        self._mi, self._description = mi, description
+        self._mi, self.description = mi, description
         self._bsdfs = [mi.load_dict(_converted(mi, bsdf)) for bsdf in description.bsdfs]
         self.lit = self._scene(lights=True, emission=False)
         self.shining = self._scene(lights=False, emission=True) if description.emissive else None
 
     def integrator(self, depth: int, camera: bool = False):
         """Light along paths of up to `depth` edges; -1 for all. volpath lets light through the holes of masks."""
-        return self._mi.load_dict({"type": "volpath" if self._description.masked else "path", "max_depth": depth,
+        return self._mi.load_dict({"type": "volpath" if self.description.masked else "path", "max_depth": depth,
                                    "rr_depth": 12 if depth < 0 else 10_000, "hide_emitters": camera})
 
     def sensor(self, camera: dict[str, Any]):
@@ -59,13 +62,13 @@ class World:
     def _scene(self, lights: bool, emission: bool):
         mi = self._mi
         parts: dict[str, Any] = {"type": "scene"}
-        for index, mesh in enumerate(self._description.meshes):
+        for index, mesh in enumerate(self.description.meshes):
             parts[f"mesh{index}"] = self._mesh(f"mesh{index}", mesh, emission)
         if lights:
-            for index, light in enumerate(self._description.lights):
+            for index, light in enumerate(self.description.lights):
                 parts[f"light{index}"] = _converted(mi, _with_area(light))
-            if self._description.environment is not None:
-                parts["environment"] = _converted(mi, self._description.environment)
+            if self.description.environment is not None:
+                parts["environment"] = _converted(mi, self.description.environment)
         return mi.load_dict(parts)
 
     def _mesh(self, name: str, mesh: dict[str, Any], emission: bool):
@@ -189,6 +192,8 @@ class _Tracer:
     def __init__(self, world: World, task: IrradianceTask) -> None:
         import mitsuba as mi
         self._mi, self._world, self._task = mi, world, task
+        self._masked = world.description.masked
+        self._crosses = self._masked or any("area" in light for light in world.description.lights)
         # Light that a hit reflects or emits: of paths of two edges in the lit scene, of one where surfaces shine
         self._reflected, self._emitted = world.integrator(2), world.integrator(1)
         self._sampler = mi.load_dict({"type": "independent"})
@@ -211,20 +216,14 @@ class _ScalarTracer(_Tracer):
         mi, world, task = self._mi, self._world, self._task
         self._sampler.seed(seed)
         light, seen = np.zeros(directions.shape), np.zeros(directions.shape[:2], bool)
-        lit, shining, sampler = world.lit, world.shining, self._sampler
-        eye, origins = self._eye_point, task.position.tolist()
+        shining, sampler = world.shining, self._sampler
+        lit, origins = world.lit, task.position.tolist()
         points, sides = np.zeros(directions.shape), np.zeros(directions.shape)
         hit = np.zeros(directions.shape[:2], bool)
         for i, around in enumerate(directions.tolist()):
             origin, nearest = mi.Point3f(*origins[i]), SELF_HIT * task.lift[i]
             for j, along in enumerate(around):
-                ray = mi.Ray3f(origin, mi.Vector3f(*along))
-                si = lit.ray_intersect(ray)
-                for _ in range(LIGHT_LEVELS):
-                    if not (si.is_valid() and si.shape.is_emitter()):
-                        break
-                    ray = si.spawn_ray(ray.d)
-                    si = lit.ray_intersect(ray)
+                si, ray = self._first_surface(mi.Ray3f(origin, mi.Vector3f(*along)))
                 if not si.is_valid():
                     continue
                 p, n = si.p, si.n
@@ -242,9 +241,20 @@ class _ScalarTracer(_Tracer):
         for i, j in np.argwhere(inside & faces):
             to_point = points[i, j] - self._eye
             distance = float(np.linalg.norm(to_point))
-            ray = mi.Ray3f(eye, mi.Vector3f(*(to_point / distance)), distance * (1 - 1e-3), 0.0, [])
-            seen[i, j] = not lit.ray_test(ray)
+            si, _ = self._first_surface(mi.Ray3f(self._eye_point, mi.Vector3f(*(to_point / distance).tolist())))
+            seen[i, j] = np.linalg.norm(np.array(si.p) - self._eye) > distance * NEARLY if si.is_valid() else True
         return light, seen
+
+    def _first_surface(self, ray):
+        """Where a ray meets a surface, and the rest of the ray from the last thing that it crossed."""
+        si = self._world.lit.ray_intersect(ray)
+        for _ in range(MOST_CROSSED if self._crosses else 0):
+            if not si.is_valid() or not (si.shape.is_emitter() or (
+                    self._masked and si.bsdf().eval_null_transmission(si)[0] > 0.5)):
+                break
+            ray = si.spawn_ray(ray.d)
+            si = self._world.lit.ray_intersect(ray)
+        return si, ray
 
 
 class _VectorTracer(_Tracer):
@@ -259,11 +269,7 @@ class _VectorTracer(_Tracer):
         origins = np.ascontiguousarray(np.repeat(task.position, directions.shape[1], axis=0).T, np.float32)
         ray = mi.Ray3f(mi.Point3f(origins), mi.Vector3f(flat))
         start = mi.Point3f(ray.o)
-        si = world.lit.ray_intersect(ray)
-        for _ in range(LIGHT_LEVELS if any("area" in x for x in world._description.lights) else 0):
-            lamp = si.is_valid() & si.shape.is_emitter()
-            ray = dr.select(lamp, si.spawn_ray(ray.d), ray)
-            si = world.lit.ray_intersect(ray)
+        si, ray = self._first_surface(ray)
         nearest = np.repeat(SELF_HIT * task.lift, directions.shape[1]).astype(np.float32)
         hit = si.is_valid() & (dr.norm(si.p - start) >= mi.Float(nearest))
         self._sampler.seed(seed, count)
@@ -272,13 +278,24 @@ class _VectorTracer(_Tracer):
             light += dr.select(hit, self._emitted.sample(world.shining, self._sampler, ray, active=hit)[0], 0.0)
         to_point = si.p - self._eye_point
         distance = dr.norm(to_point)
-        back = mi.Ray3f(self._eye_point, to_point / distance)
-        back.maxt = distance * (1 - 1e-3)
+        first, _ = self._first_surface(mi.Ray3f(self._eye_point, to_point / distance))
         faces = dr.dot(-to_point, si.n) * dr.dot(-ray.d, si.n) > 0
-        seen = hit & faces & ~world.lit.ray_test(back, active=hit & faces)
+        seen = hit & faces & (~first.is_valid() | (dr.norm(first.p - self._eye_point) > distance * NEARLY))
         points = np.array(si.p).T.reshape(-1, 3)
         inside = np.array(seen) & self._in_image(np.where(np.isfinite(points), points, 0.0))
         return np.array(light).T.reshape(directions.shape), inside.reshape(directions.shape[:2])
+
+    def _first_surface(self, ray):
+        """See `_ScalarTracer._first_surface`."""
+        import drjit as dr
+        si = self._world.lit.ray_intersect(ray)
+        for _ in range(MOST_CROSSED if self._crosses else 0):
+            crossed = si.is_valid() & si.shape.is_emitter()
+            if self._masked:
+                crossed |= si.is_valid() & (si.bsdf().eval_null_transmission(si)[0] > 0.5)
+            ray = dr.select(crossed, si.spawn_ray(ray.d), ray)
+            si = self._world.lit.ray_intersect(ray)
+        return si, ray
 
 
 # -- the process -------------------------------------------------------------------------------------------------------

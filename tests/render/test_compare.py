@@ -44,8 +44,7 @@ def test_blocks_leave_out_background_and_the_cut_ones():
 
 def test_half_of_the_noise_is_found():
     """The noise of a mean is that of one of its halves over the square root of two."""
-    rng = np.random.default_rng(1)
-    first, second = 5 + rng.normal(0, 0.1, (2, 100_000))
+    first, second = 5 + np.random.default_rng(1).normal(0, 0.1, (2, 100_000))
     assert metrics.noise_of_halves(first, second) == pytest.approx(0.1 / np.sqrt(2) / 5, rel=0.02)
 
 
@@ -192,3 +191,35 @@ def test_bad_flags(capsys, words, said):
     assert cli.main(["compare", "builtin:cornell", *words]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+
+
+def test_the_bounce_series_counts_as_the_path_tracer(context):
+    """With a path tracer that shows our own image after four bounces, the error falls to nothing there."""
+    from ssil_viewer import headless
+    from ssil_viewer.reference.bounce_series import bounce_series
+
+    settings, asked = replace(SETTINGS, temporal=False), {}
+    truth = headless.render(scenes.cornell(), size=SIZE, settings=replace(settings, bounces=4),
+                            camera=scenes.CORNELL_CAMERA, context=context)["final"]
+
+    def trace(description, tasks, progress):
+        asked.update({task.name: task.bounces for task in tasks})
+        return {task.name: {"image": truth} for task in tasks}
+
+    series, warnings = bounce_series(scenes.cornell(), size=SIZE, settings=settings, camera=scenes.CORNELL_CAMERA,
+                                     frames=1, spp=2, seconds=1.0, trace=trace)
+    assert not warnings
+    assert asked == {"bounces0": 0, "bounces1": 1, "bounces2": 2, "bounces3": 3, "bounces4": 4, "all": None}
+    errors = [step["relative_rmse"] for step in series]
+    assert all(later < earlier for earlier, later in zip(errors, errors[1:]))
+    assert errors[-1] < 1e-3 < errors[0]
+
+
+def test_an_image_is_shown_as_the_renderer_shows_its_own(make_renderer):
+    """`displayed` of the final image is the display, but for the rounding of half floats."""
+    for tone_map in ("neutral", "aces", "reinhard", "linear"):
+        renderer = make_renderer(scenes.cornell(), (45, 31), samples=8, tone_map=tone_map, exposure=0.7)
+        renderer.render(scenes.CORNELL_CAMERA)
+        from ssil_viewer.headless import read_display
+        difference = renderer.displayed(renderer.read("final")).astype(int) - read_display(renderer)
+        assert np.abs(difference).max() <= 1

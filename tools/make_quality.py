@@ -1,0 +1,174 @@
+"""Measures the built-in scenes against the references and writes docs/quality.md from what comes out.
+
+    .venv/bin/python tools/make_quality.py                  # all of it, about a quarter of an hour on two cores
+    .venv/bin/python tools/make_quality.py builtin:cornell  # this scene again, the others as they are
+    .venv/bin/python tools/make_quality.py --page           # the page alone, from docs/quality.json
+
+Needs `pip install 'ssil-viewer[reference]'`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from ssil_viewer.reference.bounce_series import bounce_series  # noqa: E402
+from ssil_viewer.reference.compare import DIFFERENCES, Effort, Progress, compare  # noqa: E402
+from ssil_viewer.reference.path_traced import path_trace, working_variant  # noqa: E402
+from ssil_viewer.scene import default_camera, load_scene  # noqa: E402
+from ssil_viewer.settings import Settings  # noqa: E402
+
+SCENES = "builtin:cornell", "builtin:arch", "builtin:atrium"
+VISIBILITY = "off", "horizon"
+SIZE, FRAMES, SAMPLES = (1280, 720), 16, 256
+SERIES = "builtin:cornell"
+SERIES_SIZE = 640, 360
+EFFORT = Effort(seconds=150.0)
+DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
+
+
+def _say(what: str) -> Progress:
+    last = [""]
+
+    def heard(name: str, share: float) -> None:
+        if name != last[0]:
+            last[0] = name
+            print(f"{what}: {name}", file=sys.stderr, flush=True)
+    return heard
+
+
+def _remembering():
+    """A path tracer that traces the same view once: R3 does not depend on how we gather."""
+    known: dict[tuple, dict[str, dict[str, np.ndarray]]] = {}
+
+    def trace(description, tasks, progress):
+        key = tuple(task.name for task in tasks)
+        if key not in known:
+            known[key] = path_trace(description, tasks, progress)
+        return known[key]
+    return trace
+
+
+def measure(name: str, data: dict) -> None:
+    """All variants of a scene into `data`."""
+    scene, trace = load_scene(name), _remembering()
+    camera = default_camera(scene)
+    data["variant"] = working_variant()
+    for visibility in VISIBILITY:
+        done = compare(scene, size=SIZE, settings=Settings(samples=SAMPLES, visibility=visibility), camera=camera,
+                       frames=FRAMES, effort=EFFORT, trace=trace, progress=_say(f"{name} {visibility}"))
+        data["comparisons"][f"{name} {visibility}"] = done.result
+    if name == SERIES:
+        data["series"], warnings = bounce_series(
+            scene, size=SERIES_SIZE, settings=Settings(samples=SAMPLES, visibility="horizon"), camera=camera,
+            frames=FRAMES, spp=64, seconds=60.0, progress=_say(f"{name} bounces"))
+        for warning in warnings:
+            print(warning, file=sys.stderr)
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
+    return [_row(*head), "|" + "---|" * len(head), *(_row(*row) for row in rows), ""]
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:+.1f} %"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _short(scene: str) -> str:
+    return scene.removeprefix("builtin:")
+
+
+def write_page(data: dict) -> None:
+    """docs/quality.md."""
+    found = [(*name.split(), result) for name, result in sorted(
+        data["comparisons"].items(), key=lambda item: (SCENES.index(item[0].split()[0]), item[0].endswith("horizon")))]
+    lines = ["# Errors against the references", "",
+             "<!-- Made by tools/make_quality.py from docs/quality.json. Edit that instead. -->", "",
+             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default, own camera; "
+             f"means over {found[0][2]['block']}x{found[0][2]['block']} pixels. What the references are and what their "
+             "differences", "show: [compare.md](compare.md).", ""]
+    for part in (_irradiance, _differences, _images):
+        lines += part(found)
+    if data.get("series"):
+        lines += _series(data["series"])
+    notes = sorted({(_short(scene), warning.removeprefix("approximated in R3: "))
+                    for scene, _, result in found for warning in result["warnings"]})
+    lines += ["## What R3 approximates", "", *(f"- {scene}: {note}" for scene, note in notes), ""]
+    seconds = ", ".join(f"{_short(scene)} {result['seconds']['R3']:.0f} s"
+                        for scene, visibility, result in found if visibility == "off")
+    lines += [f"Mitsuba's variant was {data['variant']}, on two shared cores; R3 took {seconds}."]
+    PAGE.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+def _irradiance(found: list[tuple[str, str, dict]]) -> list[str]:
+    kinds = ("R1", "R2", "R3_visible", "R3")
+    noise = "; ".join(f"{_short(scene)} {result['blocks']}, {_number(result['reference_noise']['R3'])}"
+                      for scene, visibility, result in found if visibility == "off")
+    return ["## Irradiance of one bounce", "",
+            "Bias, relative RMSE and correlation of ours against each reference.", "",
+            *_table(("scene", "`--visibility`", *kinds), [
+                (_short(scene), visibility, *(
+                    f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}"
+                    for x in (result["irradiance"][kind] for kind in kinds))) for scene, visibility, result in found]),
+            f"Blocks compared, and the relative noise that R3 has left in their means: {noise}.", ""]
+
+
+def _differences(found: list[tuple[str, str, dict]]) -> list[str]:
+    heads = {"noise": "ours, seed to seed", **{key: f"{a} to {b}" for key, (a, b) in DIFFERENCES.items()}}
+    return ["## What the error consists of", "",
+            "Rms differences of pairs, all over the mean of R3. They do not add up: they have signs.", "",
+            *_table(("scene", "`--visibility`", *heads.values()), [
+                (_short(scene), visibility, *(_number(result["differences"].get(key)) for key in heads))
+                for scene, visibility, result in found])]
+
+
+def _images(found: list[tuple[str, str, dict]]) -> list[str]:
+    kinds = ("ssil", "direct_only", "constant_ambient")
+    return ["## The image with one bounce, against R3", "",
+            "Relative RMSE, then FLIP. Noise is what R3's image has: the relative RMSE of the whole of it, and FLIP",
+            "between two halves of its samples, which is about twice what noise adds to the other figures.", "",
+            *_table(("scene", "`--visibility`", "SSIL", "direct light", "with best constant", "noise of R3"), [
+                (_short(scene), visibility, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
+                    *(result["image"][kind] for kind in kinds), result["image_noise"])))
+                for scene, visibility, result in found])]
+
+
+def _series(series: list[dict]) -> list[str]:
+    return ["## More bounces", "",
+            f"{_short(SERIES)}, {SERIES_SIZE[0]}x{SERIES_SIZE[1]}, `--visibility horizon`: the image after some "
+            "bounces", "against all light of the path tracer, and the path tracer's own image after as many.", "",
+            *_table(("bounces", "bias", "relative RMSE", "path tracer after as many", "ours to that"), [
+                (str(x["bounces"]), _percent(x["bias"]), *(_number(x[key]) for key in (
+                    "relative_rmse", "path_traced_relative_rmse", "same_bounces_relative_rmse"))) for x in series])]
+
+
+def main() -> None:
+    """Reads the flags, measures, and writes the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser.add_argument("--page", action="store_true", help="write the page alone")
+    args = parser.parse_args()
+    data = json.loads(DATA.read_text()) if DATA.exists() else {"comparisons": {}}
+    for name in () if args.page else args.scenes or SCENES:
+        measure(name, data)
+        DATA.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_page(data)
+
+
+if __name__ == "__main__":
+    main()
