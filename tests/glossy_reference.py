@@ -21,8 +21,9 @@ def exponent(roughness: np.ndarray) -> np.ndarray:
 def lobe_albedo(exponents: np.ndarray, n_dot_r: np.ndarray) -> np.ndarray:
     """Integral of (e + 2) / (2 pi) cos^e times the receiver's cosine over the hemisphere around the normal, (N,).
 
-    By quadrature in polar coordinates around the axis perpendicular to normal and mirror direction: the integral over the
-    polar angle is that of sin^(e + 2), and the one over the azimuth goes from the surface to 90 degrees beyond the lobe.
+    By quadrature in polar coordinates around the axis perpendicular to normal and mirror direction: the integral over
+    the polar angle is that of sin^(e + 2), and the one over the azimuth goes from the surface to 90 degrees beyond the
+    lobe's axis.
     """
     nodes, weights = np.polynomial.legendre.leggauss(64)
 

@@ -115,9 +115,6 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     vec3 sum = vec3(0.0);
     for (int d = 0; d < directions; ++d) {
         float across = (float(d) + jitter.x) / float(directions);
-        float angle = wedge.middle + (across - 0.5) * wedge.width;
-        HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
-                                               vec3(cos(angle) * scale.x, sin(angle) * scale.y, 0.0));
         float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
         uint blocked = 0u;
         for (int i = 0; i < inner_steps + steps; ++i) {
@@ -125,8 +122,13 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             vec2 place = is_inner ? ring_place(0.0, inner_radius, inner_steps, float(i) + shift)
                                   : ring_place(inner_radius, frame.radius, steps, float(i - inner_steps) + shift);
             float width = width_at(wedge, place.x);
+            ivec2 at = texel_at(receiver, wedge, width, place.x, across);
             Sender sender;
-            if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
+            if (!look_at(receiver, at, sender)) continue;
+            // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
+            // receiver's own surface would seem to rise above itself
+            HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
+                                                   vec3(vec2(at - receiver.px) * scale, 0.0));
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
             if (!is_inner && !sees_blocked(blocked, front)) {
                 float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)

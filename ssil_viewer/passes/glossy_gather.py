@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 # From here on a dielectric's reflection fades (shaders/passes/gbuffer.frag.glsl), and materials count as diffuse
 _DIFFUSE_ROUGHNESS = 0.8
 
-# Share of the radius at which a level begins to give way to the next. Measured at 960x540, roughness 0.3: the reflection
-# of uniform light wavers by 4 %; by 15 % with rings that meet sharply
+# Share of the radius at which a level begins to give way to the next. Measured at 960x540, roughness 0.3: the
+# reflection of uniform light wavers by 4 %; by 15 % with rings that meet sharply
 _FADE = 0.6
 
 
@@ -58,7 +58,8 @@ class GlossyGather(ScreenPass):
     writes = {"glossy_gather": Target("reflection", "radiance reflected from this level's disc or ring for a "
                                       "reflectance of 1, W m^-2 sr^-1, and roughness; -1 where nothing reflects",
                                       "gather", exists=glossy_exists)}
-    uniforms = {"texel": "float", "inner_radius": "float", "fade": "vec2", "samples": "int", "directions": "int", "steps": "int"}
+    uniforms = {"texel": "float", "inner_radius": "float", "fade": "vec2", "samples": "int", "directions": "int",
+                "steps": "int"}
 
     def settings_for(self, scene: Scene, settings: Settings) -> Settings:
         glossy = any(is_glossy(material) for material in scene.materials)

