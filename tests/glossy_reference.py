@@ -23,7 +23,7 @@ def lobe_albedo(exponents: np.ndarray, n_dot_r: np.ndarray) -> np.ndarray:
 
     By quadrature in polar coordinates around the axis perpendicular to normal and mirror direction: the integral over
     the polar angle is that of sin^(e + 2), and the one over the azimuth goes from the surface to 90 degrees beyond the
-    lobe.
+    lobe's axis.
     """
     nodes, weights = np.polynomial.legendre.leggauss(64)
 

@@ -26,7 +26,7 @@ float phong_lobe(float exponent, float lobe_cos) {
 //
 // Derived in polar coordinates around the axis that is perpendicular to both, where the integral separates:
 //   (1 - c^2)^(e/2 + 1) / ((e + 1) W) + c (1/2 + integral of cos^(e + 1) from 0 to asin c / W),
-// W the integral of cos^(e + 1) from -pi/2 to pi/2. W and the rest have approximations that are within 1.5 % together.
+// W the integral of cos^(e + 1) from -pi/2 to pi/2. W and the rest have approximations that are within 1.6 % together.
 float phong_albedo(float exponent, float n_dot_r) {
     float c = clamp(n_dot_r, 0.0, 1.0), k = exponent + 1.0;
     float whole = sqrt(2.0 * PHONG_PI / (k + 0.5 + 0.1366 / (1.0 + 0.93 * k)));

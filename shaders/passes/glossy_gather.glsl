@@ -11,6 +11,7 @@ const float GOLDEN_TURN = 0.6180339887498949;
 struct Mirror {
     vec3 direction;     // of the ideal reflection, view space
     float exponent;
+    float n_dot_r;
     float scale;        // 1 / phong_albedo
 };
 
@@ -83,6 +84,14 @@ ivec2 texel_at(Receiver receiver, Wedge wedge, float width, float radius, float 
     return ivec2(floor(vec2(receiver.px) + 0.5 + vec2(cos(angle), sin(angle)) * radius));
 }
 
+// Levels take turns gradually: a narrow lobe ends within a few texels, and pixels between two coarse receivers would
+// see it in both levels' rings or in none. Weight of a sample at this radius; over all levels they add up to 1.
+float ring_weight(float radius) {
+    float rising = clamp((radius - inner_radius) * fade.x, 0.0, 1.0);
+    float falling = clamp((frame.radius - radius) * fade.y, 0.0, 1.0);
+    return (fade.x > 0.0 ? rising : 1.0) * (fade.y > 0.0 ? falling : 1.0);
+}
+
 // Share of a sender's radiance that reaches the camera over the receiver; `texels`: texels that it stands for.
 float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels) {
     float lobe_cos = dot(mirror.direction, sender.offset) * sender.inverse_distance;
@@ -91,7 +100,10 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
     float disc = texel_disc(sender);
     // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
     float exponent = widened_exponent(mirror.exponent, disc / sender.distance_squared);
-    return phong_lobe(exponent, min(lobe_cos, 1.0)) * mirror.scale * PI * receiver_cos
+    // The cosine where texel and lobe overlap: the mean of the product of two Gaussians. With the texel's own, surfaces
+    // that are seen at a grazing angle reflected up to half too much.
+    float overlap_cos = mix(mirror.n_dot_r, receiver_cos, exponent / mirror.exponent);
+    return phong_lobe(exponent, min(lobe_cos, 1.0)) * mirror.scale * PI * overlap_cos
          * form_factor(sender, disc, texels);
 }
 
@@ -103,9 +115,6 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     vec3 sum = vec3(0.0);
     for (int d = 0; d < directions; ++d) {
         float across = (float(d) + jitter.x) / float(directions);
-        float angle = wedge.middle + (across - 0.5) * wedge.width;
-        HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
-                                               vec3(cos(angle) * scale.x, sin(angle) * scale.y, 0.0));
         float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
         uint blocked = 0u;
         for (int i = 0; i < inner_steps + steps; ++i) {
@@ -113,11 +122,17 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             vec2 place = is_inner ? ring_place(0.0, inner_radius, inner_steps, float(i) + shift)
                                   : ring_place(inner_radius, frame.radius, steps, float(i - inner_steps) + shift);
             float width = width_at(wedge, place.x);
+            ivec2 at = texel_at(receiver, wedge, width, place.x, across);
             Sender sender;
-            if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
+            if (!look_at(receiver, at, sender)) continue;
+            // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
+            // receiver's own surface would seem to rise above itself
+            HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
+                                                   vec3(vec2(at - receiver.px) * scale, 0.0));
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
             if (!is_inner && !sees_blocked(blocked, front)) {
-                float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y);
+                float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
+                            * ring_weight(place.x);
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
             vec3 back = sender.position * (1.0 + frame.thickness) - receiver.position;
@@ -141,7 +156,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         float across = fract(jitter.x + float(i) * GOLDEN_TURN);
         Sender sender;
         if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
-        float share = reflectance(receiver, mirror, sender, width * place.y);
+        float share = reflectance(receiver, mirror, sender, width * place.y) * ring_weight(place.x);
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
 #if VISIBILITY == 1
@@ -165,8 +180,8 @@ void shade(ivec2 px) {
     if (roughness < 0.0) return;
     vec3 view = normalize(receiver.position);
     vec3 r = reflect(view, receiver.normal);
-    float exponent = phong_exponent(roughness);
-    Mirror mirror = Mirror(r, exponent, 1.0 / phong_albedo(exponent, dot(receiver.normal, r)));
+    float exponent = phong_exponent(roughness), n_dot_r = dot(receiver.normal, r);
+    Mirror mirror = Mirror(r, exponent, n_dot_r, 1.0 / phong_albedo(exponent, n_dot_r));
     Wedge wedge = wedge_of(receiver, mirror);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
 #if VISIBILITY == 2

@@ -27,7 +27,7 @@ from ssil_viewer.scene.lights import with_default_light, without_default_light
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings, load_preset, load_settings
 
-_SHOW_MODES = ("both", "direct", "indirect")
+_SHOW_MODES = ("both", "direct", "indirect", "glossy")
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
@@ -99,8 +99,12 @@ class Actions:
         """Show indirect light only."""
         self.show("indirect")
 
+    def show_glossy(self) -> None:
+        """Show the reflection of indirect light only."""
+        self.show("glossy")
+
     def show_next(self) -> None:
-        """Go round both, direct, indirect."""
+        """Go round both, direct, indirect, glossy."""
         self.show(_SHOW_MODES[(_SHOW_MODES.index(self.state.settings.show) + 1) % len(_SHOW_MODES)])
 
     def step_buffer_back(self) -> None:

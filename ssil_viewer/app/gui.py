@@ -117,6 +117,7 @@ class Gui:
         self._item("Direct + indirect", "show_both", show == "both")
         self._item("Direct only", "show_direct", show == "direct")
         self._item("Indirect only", "show_indirect", show == "indirect")
+        self._item("Glossy indirect only", "show_glossy", show == "glossy")
         imgui.separator()
         self._item("Frame scene", "frame_scene")
         self._item("Reset camera", "reset_camera")

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 # From here on a dielectric's reflection fades (shaders/passes/gbuffer.frag.glsl), and materials count as diffuse
 _DIFFUSE_ROUGHNESS = 0.8
 
+# Share of the radius at which a level begins to give way to the next. Measured at 960x540, roughness 0.3: the
+# reflection of uniform light wavers by 4 %; by 15 % with rings that meet sharply
+_FADE = 0.6
+
 
 def glossy_exists(settings: Settings) -> bool:
     """Whether the targets of glossy reflection are allocated."""
@@ -54,7 +58,8 @@ class GlossyGather(ScreenPass):
     writes = {"glossy_gather": Target("reflection", "radiance reflected from this level's disc or ring for a "
                                       "reflectance of 1, W m^-2 sr^-1, and roughness; -1 where nothing reflects",
                                       "gather", exists=glossy_exists)}
-    uniforms = {"texel": "float", "inner_radius": "float", "samples": "int", "directions": "int", "steps": "int"}
+    uniforms = {"texel": "float", "inner_radius": "float", "fade": "vec2", "samples": "int", "directions": "int",
+                "steps": "int"}
 
     def settings_for(self, scene: Scene, settings: Settings) -> Settings:
         glossy = any(is_glossy(material) for material in scene.materials)
@@ -76,7 +81,11 @@ class GlossyGather(ScreenPass):
         # since what blocks light is found the better the closer samples follow one another.
         steps = min(math.isqrt(4 * settings.glossy_samples), settings.glossy_samples)
         rows = {"directions": settings.glossy_samples // steps, "steps": steps}
-        for level in range(settings.start_level, settings.last_level + 1):
-            inner = 0.0 if level == settings.start_level else frame.radius / 2
-            yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "samples": settings.glossy_samples,
-                                   **rows}, chosen, frozenset(unread))
+        radius, first, last = frame.radius, settings.start_level, settings.last_level
+        for level in range(first, last + 1):
+            # A level fades out from _FADE of its radius on, and the next one, whose texels are twice as wide, fades in
+            fade_in = 0.0 if level == first else 1.0 / (0.5 * (1.0 - _FADE) * radius)
+            fade_out = 0.0 if level == last else 1.0 / ((1.0 - _FADE) * radius)
+            yield Dispatch(level, {"texel": float(2**level), "inner_radius": 0.0 if level == first else
+                                   0.5 * _FADE * radius, "fade": (fade_in, fade_out),
+                                   "samples": settings.glossy_samples, **rows}, chosen, frozenset(unread))

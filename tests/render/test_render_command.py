@@ -20,7 +20,7 @@ from ssil_viewer.settings import Settings
 SIZE = (64, 36)
 FAST = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--samples", "8", "--frames", "2"]
 PROMISED = {
-    "final": 3, "direct": 3, "indirect": 3, "radiance": 3, "albedo": 3, "normal": 3, "view_depth": 1,
+    "final": 3, "direct": 3, "indirect": 3, "glossy": 3, "radiance": 3, "albedo": 3, "normal": 3, "view_depth": 1,
 }
 
 
