@@ -7,9 +7,9 @@ noise, the rings, the widening of the lobe to texels, the coarser levels and the
 from __future__ import annotations
 
 import numpy as np
-from tests.reference import Surfaces, read_surfaces, shining, transport
 
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.reference.all_pixels import Surfaces, read_surfaces, shining, transport
 from ssil_viewer.scene.model import Camera
 
 

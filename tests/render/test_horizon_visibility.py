@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.reference import bias_and_error, random_blocks
-from tests.visible_reference import references
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import random_blocks
+from ssil_viewer.reference.metrics import bias_and_error
+from ssil_viewer.reference.visible_pixels import references
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Light, Material
 from tests import scenes
