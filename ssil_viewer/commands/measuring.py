@@ -118,14 +118,23 @@ def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: b
         # On a line of its own: a title within the table would be broken to the table's width
         console.print(f"{title}: {table.title}", markup=False, highlight=False, soft_wrap=True)
         shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-        for at, name in enumerate(table.headers):
-            # In a narrow terminal lines are broken between words, not within numbers
-            words = [word for cell in (name, *(row[at] for row in table.rows)) for word in cell.split()]
-            shown.add_column(name, justify="right" if at else "left", overflow="fold",
-                             min_width=max(map(len, words), default=1))
+        columns = list(zip(table.headers, *table.rows))
+        for at, (cells, width) in enumerate(zip(columns, _widths(columns, console.width))):
+            shown.add_column(cells[0], justify="right" if at else "left", overflow="fold", width=width)
         for row in table.rows:
             shown.add_row(*map(escape, row))
         console.print(shown)
     for note in notes:
         console.print(note, markup=False, highlight=False)
 
+
+def _widths(columns: list[tuple[str, ...]], room: int) -> list[int]:
+    """Width of each column: whole lines where there is room, else broken headers, else broken cells, too.
+
+    Lines are broken between words only, so that a number stays one.
+    """
+    whole = [max(map(len, cells)) for cells in columns]
+    words = [max(len(word) for cell in cells for word in cell.split()) for cells in columns]
+    headers = [max(map(len, (*cells[0].split(), *cells[1:]))) for cells in columns]
+    gaps = 2 * len(columns)
+    return next((widths for widths in (whole, headers) if sum(widths) + gaps <= room), words)

@@ -194,3 +194,9 @@ def test_the_documentation_says_which_pass_counts_where():
         title = group.replace("_", " & ")
         line = next(line for line in text.splitlines() if line.startswith(f"| {title}"))
         assert [word for word in line.split("`") if word.isidentifier()] == list(names), group
+
+
+@pytest.mark.parametrize("room, expected", [(80, [14, 12]), (30, [14, 12]), (26, [14, 8]), (18, [6, 8])])
+def test_tables_break_headers_before_cells_and_never_numbers(room, expected):
+    columns = [("start, levels", "1/4, 4, 64 abc"), ("compo & sits", "12345.67")]
+    assert measuring._widths(columns, room) == expected
