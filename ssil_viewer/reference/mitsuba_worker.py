@@ -8,6 +8,7 @@ has lines "progress NAME SHARE". Without FOLDER the variant is tried out on a sm
 
 from __future__ import annotations
 
+import os
 import pickle
 import sys
 import time
@@ -338,3 +339,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    # The results are there: Mitsuba's threads, which can hang while Python closes down, may not hold them up
+    sys.stdout.flush()
+    os._exit(0)
