@@ -156,7 +156,9 @@ def test_timings_name_every_pass(tmp_path):
 def test_an_interrupted_render_leaves_nothing(tmp_path, number, status):
     words = ["render", "builtin:cornell", "--size", "320x180", "--frames", "100000", "-o", "a.png"]
     command = [sys.executable, "-m", "ssil_viewer", *words]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # Shells start background jobs with SIGINT ignored, and children inherit that: a suite that runs as one must not
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     try:
         time.sleep(4)
         process.send_signal(number)
