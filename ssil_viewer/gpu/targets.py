@@ -227,6 +227,7 @@ class TargetSet:
         key = (*(t.glo for t in colors), int(depth))
         if key not in self._framebuffers:
             self._framebuffers[key] = self._context.framebuffer(colors, self._depth_buffer if depth else None)
+            self._framebuffers[key].use()   # names its draw buffers, which `GLFunctions.draw_into` relies on
         return self._framebuffers[key]
 
     def release(self) -> None:
