@@ -56,8 +56,9 @@ class Buffer:
 BUFFERS: dict[str, Buffer] = {
     "final": Buffer(("final",)),
     "direct": Buffer(("direct",)),
-    "indirect": Buffer(("irradiance", "all_bounces", "upsample"), meaning="irradiance E of all bounces, W m^-2, times the "
-                       "material's occlusion map"),
+    "indirect": Buffer(("irradiance", "all_bounces", "upsample"), meaning="irradiance E of all bounces, W m^-2, "
+                       "times the material's occlusion map"),
+    "glossy": Buffer(("glossy",)),
     "radiance": Buffer(("radiance",)),
     "albedo": Buffer(("albedo",), view=REFLECTANCE, meaning="diffuse reflectance"),
     "normal": Buffer(("surface",), view=NORMAL, meaning="unit normal in view space, facing the camera"),
@@ -81,6 +82,9 @@ BUFFERS: dict[str, Buffer] = {
     "bounce_3": Buffer(("upsample_3",)),
     "bounce_4": Buffer(("upsample_4",)),
     "sky": Buffer(("sky",), view=REFLECTANCE),
+    "glossy_gather": Buffer(("glossy_gather",)),
+    "glossy_light": Buffer(("glossy_light",)),
+    "reflection": Buffer(("reflection",)),
     "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
 }
 

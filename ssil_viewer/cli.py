@@ -21,6 +21,8 @@ from ssil_viewer.errors import UserError
 COMMANDS = {
     "view": "open a window on a scene",
     "render": "render a scene to a .png, .exr or .npz file, without a window",
+    "bench": "measure what each pass costs, under many settings",
+    "tune": "find the settings with the least error for a time budget",
     "compare": "measure the error against references and a path tracer",
     "info": "say what a scene file holds",
     "scenes": "list the built-in scenes",

@@ -38,7 +38,7 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
     own = context is None
     context = context or create_headless_context()
     try:
-        renderer = Renderer(context, size, settings, keep=("final",))
+        renderer = Renderer(context, size, settings, keep=("final", "glossy"))
         try:
             renderer.set_scene(scene)
             render_frames(renderer, camera or default_camera(scene), frames)
@@ -70,7 +70,7 @@ def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
         info = available.get(name)
         if info is not None and 0 in info.levels:
             arrays[name] = renderer.read(name)
-        elif name in ("final", "indirect"):
+        elif name in ("final", "indirect", "glossy"):
             arrays[name] = np.zeros((height, width, len(buffer.channels)), np.float32)
     arrays["display"] = read_display(renderer)
     return arrays
@@ -78,6 +78,7 @@ def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
 
 def read_display(renderer: Renderer) -> np.ndarray:
     """The picture of the last frame: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
+    renderer.timers.disturb()
     width, height = renderer.size
     data = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
     return np.ascontiguousarray(data[::-1, :, :3])

@@ -55,6 +55,14 @@ def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -
     return target
 
 
+def check_writable(path: Path) -> None:
+    """Make a file beside `path` and remove it: before work that takes long, rather than after it. Raises UserError."""
+    beside = path.with_name(f".ssil-{secrets.token_hex(6)}{path.suffix}")
+    with _as_user_error(str(path)):
+        beside.touch()
+        beside.unlink()
+
+
 @contextlib.contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """A name beside `path` to write to; it becomes `path` at the end, or goes away on any failure.

@@ -18,7 +18,15 @@ from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
-from ssil_viewer.gpu.targets import FORMATS, Target, TargetSet, guard_band, rendered_size, target_bytes
+from ssil_viewer.gpu.targets import (
+    FORMATS,
+    Target,
+    TargetSet,
+    guard_band,
+    rendered_size,
+    target_bytes,
+    texture_bytes,
+)
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
@@ -46,12 +54,13 @@ def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
         if taken := own & set(written):
             raise FrameError(f"pass {p.name} writes {sorted(taken)}, which an earlier pass owns")
         for read in p.target_reads():
-            for name in read.targets:
-                base = name.removesuffix("@previous")
-                known = base in histories if name != base else base in written or (base in own and read.offset)
-                known = known or (p.per_bounce and base in of_bounces)      # by the bounce before
-                if not known and not read.optional:
-                    raise FrameError(f"pass {p.name} reads {name}, which no earlier pass writes")
+            available = set(written) | {f"{name}@previous" for name in histories}
+            if read.offset:
+                available |= own            # another level
+            if p.per_bounce:
+                available |= of_bounces     # by the bounce before
+            if not available & set(read.targets) and not read.optional:
+                raise FrameError(f"pass {p.name} reads {' or '.join(read.targets)}, which no earlier pass writes")
         for name in p.extends:
             if name not in written:
                 raise FrameError(f"pass {p.name} extends {name}, which no earlier pass writes")
@@ -106,7 +115,9 @@ class Frame:
     def framebuffer(self, owner: Pass, depth: bool, level: int = 0) -> moderngl.Framebuffer:
         """Framebuffer with the pass's `attachments`, for rasterizing passes."""
         targets = self.runner.targets
-        return targets.framebuffer((targets.texture(name, level) for name, _ in self.attachments(owner, level)), depth)
+        made = targets.framebuffer([targets.texture(name, level) for name, _ in self.attachments(owner, level)], depth)
+        self.runner.count_bytes([*made.color_attachments, *([made.depth_attachment] if depth else [])])
+        return made
 
     def clear(self, owner: Pass, depth: bool, level: int = 0) -> None:
         """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
@@ -133,6 +144,7 @@ class PassRunner:
         targets: The textures.
         gl: OpenGL functions that moderngl lacks.
         frame_index: Frames since the history began.
+        timers: The one place that times passes.
         features: What the scene has that not every scene has; see `set_features`.
 
     Raises:
@@ -162,9 +174,11 @@ class PassRunner:
         self._previous: View | None = None
         self._settling = 0
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
-        self._timers = PassTimers(context, self.capabilities.software, timed)
+        self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
         self._bound: dict[int, int] = {}
+        self._traffic: dict[str, int] | None = None
+        self._running = ""
 
     def _declare(self) -> dict[str, Target]:
         """Targets of the passes whose features are there, without the optional ones that nobody asked for."""
@@ -239,14 +253,14 @@ class PassRunner:
         """Forget the last frames."""
         self._previous = None
         self.frame_index = 0
-        self._timers.restart()
+        self.timers.restart()
 
     # -- one frame -------------------------------------------------------------------------------------------------
 
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Around all work of one frame, once."""
-        with self._timers.frame():
+        with self.timers.frame():
             self._bound.clear()
             self.targets.swap_histories()
             try:
@@ -264,7 +278,8 @@ class PassRunner:
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
                                          light_count, background, history, moving or self._settling > 0))
         for p, frame.bounce in self._schedule():
-            with self._timers.measure(_timed_name(p, frame.bounce)):
+            self._running = _timed_name(p, frame.bounce)
+            with self.timers.measure(self._running):
                 p.execute(frame)
         self._previous = view
         self.frame_index += 1
@@ -276,6 +291,25 @@ class PassRunner:
             group = list(neighbours)
             for bounce in range(1, self.settings.gathered_bounces + 1) if per_bounce else (1,):
                 yield from ((p, bounce) for p in group if bounce >= p.first_bounce)
+
+    @contextmanager
+    def counting_bytes(self) -> Iterator[dict[str, int]]:
+        """Count what passes read and write: each texel of each declared input and output once per shader run.
+
+        Yields:
+            Pass name -> bytes, filled while frames run inside. Textures and triangles of the scene and shadow maps are
+            not in it: how much of them a frame touches is not known.
+        """
+        self._traffic = {}
+        try:
+            yield self._traffic
+        finally:
+            self._traffic = None
+
+    def count_bytes(self, textures: Iterable[moderngl.Texture]) -> None:
+        """The pass that runs reads or writes these textures once."""
+        if self._traffic is not None:
+            self._traffic[self._running] = self._traffic.get(self._running, 0) + sum(map(texture_bytes, textures))
 
     def compile_ahead(self, stop: threading.Event, frame: Frame) -> None:
         """Draw once with the program of every screen pass, which compiles it; the results mean nothing.
@@ -327,6 +361,8 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
+        if self._traffic is not None:   # one texture may go by two names
+            self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
         variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
         self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
@@ -342,6 +378,7 @@ class PassRunner:
               outputs: dict[str, moderngl.Texture], uniforms: dict[str, object]) -> None:
         """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
         if variant not in self._programs:
+            self.timers.disturb()
             self._programs[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
         self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
 
@@ -369,7 +406,7 @@ class PassRunner:
     @property
     def timings(self) -> Timings:
         """Times of the passes over the last frames."""
-        return self._timers.timings(tuple(_timed_name(p, bounce) for p, bounce in self._schedule()))
+        return self.timers.timings(tuple(_timed_name(p, bounce) for p, bounce in self._schedule()))
 
     def _release_programs(self) -> None:
         for program in self._programs.values():
@@ -381,4 +418,4 @@ class PassRunner:
         self._release_programs()
         self.targets.release()
         self._uniforms.release()
-        self._timers.release()
+        self.timers.release()

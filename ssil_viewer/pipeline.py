@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Literal, Sequence
+from typing import ContextManager, Iterable, Literal, Sequence
 
 import moderngl
 import numpy as np
@@ -21,7 +21,7 @@ from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
-from ssil_viewer.gpu.timers import Timings
+from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
@@ -84,6 +84,7 @@ class Renderer:
                  passes: Sequence[type[Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
         self.context = context
+        self._settings = settings
         self.scene: Scene | None = None
         self.lights: tuple[Light, ...] = ()
         self.environment: Environment | None = None
@@ -112,8 +113,8 @@ class Renderer:
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
-        return self._runner.settings
+        """The settings as they were given; passes that would do nothing for the scene are off all the same."""
+        return self._settings
 
     @property
     def frame_index(self) -> int:
@@ -126,6 +127,7 @@ class Renderer:
         """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
         try:
+            self._runner.set_settings(self._settings_for(scene, self._settings))
             self.set_environment(scene.environment)
         except UserError:
             fresh.release()
@@ -177,8 +179,14 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        self._runner.set_settings(settings)
+        self._runner.set_settings(self._settings_for(self.scene, settings))
+        self._settings = settings
         self._lights_moved |= shadows_change
+
+    def _settings_for(self, scene: Scene | None, settings: Settings) -> Settings:
+        for p in self._runner.passes if scene is not None else ():
+            settings = p.settings_for(scene, settings)
+        return settings
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""
@@ -209,7 +217,7 @@ class Renderer:
                               self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
             tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
-            frame = SceneFrame(self._runner, self.settings, self._runner.radius, tables,
+            frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
@@ -255,6 +263,11 @@ class Renderer:
         return self._runner.timings
 
     @property
+    def timers(self) -> PassTimers:
+        """What takes the times: how many frames are kept, and whether each is waited for."""
+        return self._runner.timers
+
+    @property
     def warnings(self) -> list[str]:
         """What the renderer had to leave out of this scene."""
         found = []
@@ -270,6 +283,10 @@ class Renderer:
         """Bytes of each render target with its levels and history; shadow maps are not in it."""
         return self._runner.target_bytes()
 
+    def counting_bytes(self) -> ContextManager[dict[str, int]]:
+        """Count what passes read and write in the frames inside; see `PassRunner.counting_bytes`."""
+        return self._runner.counting_bytes()
+
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
         running = self._runner.running_targets()
@@ -277,10 +294,11 @@ class Renderer:
         for name, buffer in BUFFERS.items():
             target = buffer.pick(running)
             if target is not None:
-                levels = self._runner.declared[target].levels(self.settings)
+                levels = self._runner.declared[target].levels(self._runner.settings)
                 if self.settings.bounces == 0 and self._runner.declared[target].extent != "start":
                     levels = range(levels.start, min(levels.stop, 1))
-                found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
+                if levels:
+                    found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
         return found
 
     def show_buffer(self, name: str | None, level: int = 0) -> None:
@@ -329,6 +347,7 @@ class Renderer:
             UserError: There is no such buffer or level; the nearest name is suggested.
         """
         find_buffer(self.buffers(), name, level)
+        self.timers.disturb()
         buffer = BUFFERS[name]
         reads, defines, inputs = self._source(buffer, level)
         width, height = size = level_size(self.size, level)
@@ -376,6 +395,7 @@ class Renderer:
         Raises:
             KeyError: No such target, or not at this level.
         """
+        self.timers.disturb()
         texture = self._runner.targets.texture(target, level)
         dtype = {"f1": "u1", "f2": "f2", "f4": "f4", "u1": "u1", "u4": "u4"}[texture.dtype]
         data = np.frombuffer(texture.read(alignment=1), dtype)

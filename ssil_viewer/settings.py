@@ -129,8 +129,8 @@ class Settings:
         "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
     visibility: Annotated[Literal["off", "voxel", "horizon"], Knob(
         "Whether geometry between sender and receiver blocks light. voxel: a grid of the view frustum is walked for "
-        "every sample, as in the talk; the gather then takes many times as long. horizon: samples lie in rows that "
-        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "off"
+        "every sample, as in the talk; the gather then takes several times as long. horizon: samples lie in rows that "
+        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "horizon"
     thickness: Annotated[float, Knob(
         "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
         "blocks.", 0.0, 1.0, group="Visibility")] = 0.1
@@ -157,6 +157,13 @@ class Settings:
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
         "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
         "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"
+    glossy_samples: Annotated[int, Knob(
+        "Samples per pixel and level for the reflection of indirect light by glossy surfaces, on top of those for "
+        "diffuse light; 0 switches it off. Scenes without glossy materials never spend them.",
+        0, 1024, affects="resources", group="Glossy")] = 16
+    importance_sampling: Annotated[bool, Knob(
+        "Take the glossy samples only where the lobe of the reflection lies in the image. Off, they lie all around, "
+        "and most of them miss it; for comparison.", group="Glossy")] = True
     upsampling: Annotated[Literal["bilateral", "nearest"], Knob(
         "How coarse light reaches fine pixels. bilateral respects depth and normal edges; "
         "nearest shows the blocks, for comparison.", group="Upsampling")] = "bilateral"
@@ -166,8 +173,9 @@ class Settings:
     temporal_frames: Annotated[int, Knob(
         "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
         1, 256, "frames", log=True, group="Temporal")] = 32
-    show: Annotated[Literal["both", "direct", "indirect"], Knob(
-        "Which light is shown.", affects="display", group="Display")] = "both"
+    show: Annotated[Literal["both", "direct", "indirect", "glossy"], Knob(
+        "Which light is shown. indirect: diffuse and glossy. glossy: the reflection of indirect light alone.",
+        affects="display", group="Display")] = "both"
     exposure: Annotated[float, Knob(
         "Brightness of the display in stops; never touches exported values.",
         -16.0, 16.0, "EV", affects="display", group="Display")] = 0.0

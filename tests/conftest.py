@@ -48,11 +48,11 @@ def stage(request: pytest.FixtureRequest, context: moderngl.Context) -> str:
 
 @pytest.fixture
 def make_renderer(context: moderngl.Context) -> Iterator[Callable[..., Renderer]]:
-    """`make(scene, size, stage="auto", **settings)`: a renderer with `final`, released after the test."""
+    """`make(scene, size, stage="auto", **settings)`: a renderer with `final` and `glossy`, released after the test."""
     made: list[Renderer] = []
 
     def make(scene: Scene, size: tuple[int, int], stage: str = "auto", **settings: object) -> Renderer:
-        renderer = Renderer(context, size, Settings(**settings), stage=stage, keep=("final",))
+        renderer = Renderer(context, size, Settings(**settings), stage=stage, keep=("final", "glossy"))
         made.append(renderer)
         renderer.set_scene(scene)
         return renderer

@@ -193,6 +193,24 @@ def temporal(studio: Studio) -> Image.Image:
                 (400, 200, 880, 680))
 
 
+def visibility(studio: Studio) -> Image.Image:
+    """Indirect light behind a cube and an arch under the three modes."""
+    studio.aim("arch", "front")
+    panels = []
+    for choice in ("off", "horizon", "voxel"):
+        studio.render(visibility=choice, show="indirect", exposure=1.5)
+        panels.append((choice, studio.picture()))
+    return tile(panels, 3, (420, 236))
+
+
+def bounces(studio: Studio) -> Image.Image:
+    """The first three bounces, each on its own, and their sum."""
+    studio.aim("cornell", "front")
+    studio.render(bounces=4, start_level=1, levels=5, samples=256)
+    panels = [(f"bounce {bounce}", studio.buffer(f"bounce_{bounce}")) for bounce in (1, 2, 3)]
+    return tile([*panels, ("direct and four bounces", studio.picture("both"))], 4, (315, 315), (280, 0, 1000, 720))
+
+
 def relief(studio: Studio) -> Image.Image:
     """A relief that no direct light reaches."""
     studio.aim("atrium", "relief")
@@ -216,7 +234,7 @@ def tone_map(studio: Studio) -> Image.Image:
 PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "hero.png": hero, "shadows.jpg": shadows, "gbuffer.jpg": gbuffer, "direct.jpg": direct, "mipmap.png": mipmap,
     "gather.png": gather, "form-factor.jpg": form_factor, "upsample.jpg": upsample, "temporal.jpg": temporal,
-    "relief.jpg": relief, "tone-map.jpg": tone_map,
+    "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces, "tone-map.jpg": tone_map,
 }
 
 

@@ -2,20 +2,7 @@
 // SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
 #include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
-#if VISIBILITY == 1
-#include "lib/voxels.glsl"
-#ifndef HAS_VOXELS_FAR
-#define texture_voxels_far texture_voxels
-#endif
-#endif
-
-const float PI = 3.141592653589793;
-
-struct Receiver {
-    ivec2 px;
-    vec3 position;
-    vec3 normal;
-};
+#include "passes/gather_common.glsl"
 
 struct Incoming {
     vec3 irradiance;        // over pi
@@ -52,50 +39,6 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
-// A texel as it looks from the receiver.
-struct Sender {
-    ivec2 px;
-    vec3 position;
-    float view_depth;       // 0: background
-    vec3 normal;
-    vec3 offset;            // from the receiver
-    float distance_squared;
-    float inverse_distance;
-};
-
-// False where there is nothing to look at: off screen, background, the receiver itself.
-bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
-    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size_surface())) || at == receiver.px) return false;
-    Surface surface = load_surface(at);
-    vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    vec3 position = position_from_ray(ray, surface.view_depth);
-    vec3 offset = position - receiver.position;
-    float squared = dot(offset, offset);
-    sender = Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
-    return surface.view_depth > 0.0 && squared > 0.0;
-}
-
-// Form factor of a sender that stands for `texels` texels of its surface.
-float form_factor(Sender sender, float texels) {
-    vec2 scale = frame.ray_scale * texel;
-    float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
-    // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
-    // much: its cosine is held above 1 %.
-    float facing = max(-dot(sender.normal, sender.position), 0.01 * length(sender.position));
-    float depth = sender.view_depth;
-    float disc = sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth) / facing;
-#if FORM_FACTOR == 1
-    return texels * disc / sender.distance_squared;
-#elif SPACING == 0
-    // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
-    // the sum over all texels where a disc of the whole strip's area would stay below it.
-    return texels * disc / (sender.distance_squared + disc);
-#else
-    // The disc is all that the sample stands for: what tames samples that are few near the receiver
-    return texels * disc / (sender.distance_squared + texels * disc);
-#endif
-}
-
 void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
     float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
     light.irradiance += radiance * max(receiver_cos, 0.0);
@@ -106,20 +49,6 @@ void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming lig
 }
 
 #if VISIBILITY == 2
-#include "lib/horizon.glsl"
-
-// Radius of a row's sample between two radii, and the area in texels that it stands for, per radian.
-vec2 ring_place(float from, float to, int count, float at) {
-    float share = 1.0 / float(count);
-#if SPACING == 0
-    float radius = mix(from, to, at * share);
-    return vec2(radius, radius * (to - from) * share);
-#else
-    float squared = mix(from * from, to * to, at * share);
-    return vec2(sqrt(squared), 0.5 * (to * to - from * from) * share);
-#endif
-}
-
 // Light of the rows of samples that lead away from the receiver in `directions` directions. Walked outwards, each row
 // meets everything that may stand before its next sample.
 void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {

@@ -100,7 +100,7 @@ void shade(ivec2 px) {
         float off_plane = abs(dot(kept.normal, position_from_ray(ray, b.view_depth)) - candidates.offset[winner]);
         // Milder than in the vote: bumps of one surface should average out. The power of the cosine is a trade: lower
         // is steadier, and rounds the corners off that light one another (docs/method/mipmap.md).
-        float same = facing * sqrt(facing) * exp2(off_plane * candidates.falloff[winner] * 0.2);
+        float same = facing * sqrt(sqrt(facing)) * exp2(off_plane * candidates.falloff[winner] * 0.2);
         float weight = same * votes(at) * tent(offset);
         float ahead = dot(b.normal, vec3(center, -1.0));
         float slid = b.view_depth * dot(b.normal, vec3(ray, -1.0)) / (ahead < -1e-4 ? ahead : -1e-4);

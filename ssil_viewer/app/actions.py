@@ -11,12 +11,14 @@ from typing import Any, Callable, Protocol, TypeVar
 import numpy as np
 
 from ssil_viewer.app import saved_view
+from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_control import CameraControl, camera_flags
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
+from ssil_viewer.headless import read_display
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.environment import Environment, load_environment
@@ -25,7 +27,7 @@ from ssil_viewer.scene.lights import with_default_light, without_default_light
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings, load_preset, load_settings
 
-_SHOW_MODES = ("both", "direct", "indirect")
+_SHOW_MODES = ("both", "direct", "indirect", "glossy")
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
@@ -68,6 +70,7 @@ class Actions:
         self._renderer = renderer
         self._loader = loader
         self._window = window
+        self.benchmark = WindowBenchmark(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
@@ -96,8 +99,12 @@ class Actions:
         """Show indirect light only."""
         self.show("indirect")
 
+    def show_glossy(self) -> None:
+        """Show the reflection of indirect light only."""
+        self.show("glossy")
+
     def show_next(self) -> None:
-        """Go round both, direct, indirect."""
+        """Go round both, direct, indirect, glossy."""
         self.show(_SHOW_MODES[(_SHOW_MODES.index(self.state.settings.show) + 1) % len(_SHOW_MODES)])
 
     def step_buffer_back(self) -> None:
@@ -125,9 +132,7 @@ class Actions:
     @_shows_errors
     def save_image(self) -> None:
         """Write the rendered image, without panels, to the working directory."""
-        width, height = self._renderer.size
-        pixels = np.frombuffer(self._renderer.display.read(), np.uint8).reshape(height, width, 4)
-        self.save_pixels(pixels[::-1, :, :3])
+        self.save_pixels(read_display(self._renderer))
 
     def save_window(self) -> None:
         """Write the window with its panels, as soon as this frame is drawn."""
@@ -166,6 +171,16 @@ class Actions:
     def save_settings(self, path: Path) -> None:
         """Write the settings that differ from the defaults."""
         self.state.say(f"Saved {saved_view.save_settings(path, self.state.settings)}")
+
+    @_shows_errors
+    def start_benchmark(self) -> None:
+        """Measure the present view under the settings of the talk's timing table."""
+        self.benchmark.start()
+
+    @_shows_errors
+    def save_benchmark(self) -> None:
+        """Write what was measured to the working directory."""
+        self.state.say(f"Saved {self.benchmark.save(Path.cwd())}")
 
     # The scene
 

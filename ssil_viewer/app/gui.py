@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app import keys
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import (
+    benchmark,
     buffers,
     camera,
     environment,
@@ -70,6 +71,7 @@ class Gui:
         help.draw(state, left)
         help.draw_about(state, self._renderer.capabilities, left)
         messages.draw_shader_error(state)
+        benchmark.draw_table(self._actions.benchmark)
         self._browser.draw()
         messages.draw_toasts(state, bottom)
         if state.inspector and state.pixel and not imgui.get_io().want_capture_mouse:
@@ -115,10 +117,12 @@ class Gui:
         self._item("Direct + indirect", "show_both", show == "both")
         self._item("Direct only", "show_direct", show == "direct")
         self._item("Indirect only", "show_indirect", show == "indirect")
+        self._item("Glossy indirect only", "show_glossy", show == "glossy")
         imgui.separator()
         self._item("Frame scene", "frame_scene")
         self._item("Reset camera", "reset_camera")
         imgui.separator()
+        self._item("Measure this view", "start_benchmark", self._actions.benchmark.running)
         self._item("Timings", "toggle_timings", self._state.timings_visible)
         self._item("Values under the cursor", "toggle_inspector", self._state.inspector)
         self._item("Hide panels", "toggle_panels")
@@ -142,6 +146,7 @@ class Gui:
             "Camera": lambda: camera.draw(state, actions),
             "Scene": lambda: self._scene_panel.draw(state, actions, self._renderer.warnings),
             "Buffers": lambda: buffers.draw(state, actions, self._renderer),
+            "Benchmark": lambda: benchmark.draw(actions.benchmark, actions),
             "Window": lambda: interface.draw(state, actions, self._renderer.size),
         }
         for title, draw in parts.items():

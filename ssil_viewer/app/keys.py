@@ -46,7 +46,7 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("B", "Show direct and indirect light together", "Image", "show_both", (Chord("B"),)),
     Binding("D", "Show direct light only (not while flying: there D moves)", "Image", "show_direct", (Chord("D"),)),
     Binding("I", "Show indirect light only", "Image", "show_indirect", (Chord("I"),)),
-    Binding("L", "Next of both, direct, indirect", "Image", "show_next", (Chord("L"),)),
+    Binding("L", "Next of both, direct, indirect, glossy", "Image", "show_next", (Chord("L"),)),
     Binding("[ or ]", "Previous or next buffer in place of the image", "Image", "step_buffer_back",
             (Chord("LEFT_BRACKET"),)),
     Binding(", or .", "Finer or coarser mip level of that buffer", "Image", "step_level_down", (Chord("COMMA"),)),

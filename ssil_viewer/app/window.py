@@ -128,10 +128,12 @@ class Viewer:
         seconds, self._clock = now - self._clock, now
         self._advance(seconds)
         self._draw_gui(seconds)
-        self._send()
+        measuring = self.actions.benchmark.advance()    # then the renderer has settings of its own
+        if not measuring:
+            self._send()
         view = self._look()
         self._pacer.continuous = self.state.continuous
-        if (self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)
+        if (not measuring and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)
                 and view != self._broken_view):
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
@@ -142,12 +144,12 @@ class Viewer:
                 self.state.say("Frames are slow here: try Settings > fast, or Window > Image scale")
         else:
             self._rendered = False
-        self.state.resting = not self._rendered
+        self.state.resting = not self._rendered and not measuring
         self._renderer.present(self._screen)
         self._gui_renderer.render(imgui.get_draw_data(), self._screen)
-        self._after_frame(view)
+        self._after_frame(view, measuring)
         self._window.swap_buffers()
-        if not self._rendered and self._pacer.idle(now):
+        if not self._rendered and not measuring and self._pacer.idle(now):
             self._window.wait(_IDLE_WAIT)
 
     def release(self) -> None:
@@ -274,12 +276,14 @@ class Viewer:
         """Everything that the picture depends on."""
         state = self.state
         return (state.settings, self._sent_lights, self._sent_buffer, self._renderer.size, state.camera.camera(),
-                state.scene, state.shader_generation)
+                state.scene, state.shader_generation, self.actions.benchmark.runs)
 
-    def _after_frame(self, view: Any) -> None:
+    def _after_frame(self, view: Any, measuring: bool) -> None:
         if self._save_window:
             self._save_window = False
             self.actions.save_pixels(self._window_pixels())
+        if measuring:
+            return      # what follows reads back, which would disturb every frame
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now

@@ -27,7 +27,7 @@ TEMPORAL_FRAMES = 16
 # A buffer that is read back: as four floats by OpenGL, again as bytes, and as the array.
 _READ_BACK_BYTES = 48
 # Optional targets that the files take from.
-_KEEP = ("final",)
+_KEEP = ("final", "glossy")
 # Buffers that an EXR holds beside the image, where they exist.
 _EXR_LAYERS = ("direct", "indirect", "radiance", "albedo", "normal", "view_depth")
 
@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> None:
                 scene = shared.load(args)
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)
+                renderer.timers.waits |= args.timings
                 _render_frames(renderer, camera, frames)
             shared.warn(renderer.warnings)
             _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
@@ -177,6 +178,7 @@ def print_timings(renderer: Renderer) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    renderer.timers.drain()
     timings = renderer.timings
     clock = "GPU timer queries" if timings.source == "gpu" else "wall clock, since this OpenGL renders in software"
     table = Table(title=f"{renderer.capabilities.renderer}, {clock}", title_justify="left")

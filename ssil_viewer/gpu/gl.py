@@ -18,6 +18,7 @@ _TEXTURE_BINDING_2D, _SAMPLER_BINDING = 0x8069, 0x8919
 _UNIFORM_BUFFER, _UNIFORM_BUFFER_BINDING, _UNIFORM_BUFFER_START, _UNIFORM_BUFFER_SIZE = 0x8A11, 0x8A28, 0x8A29, 0x8A2A
 _COLOR, _DEPTH = 0x1800, 0x1801
 _COLOR_LOGIC_OP = 0x0BF2
+_FRAMEBUFFER = 0x8D40
 _COPY, _LOGIC_OPERATIONS = 0x1503, {"xor": 0x1506, "or": 0x1507}
 _ZEROS, _FARTHEST = (ctypes.c_uint * 4)(), (ctypes.c_float * 1)(1.0)
 
@@ -95,6 +96,15 @@ class GLFunctions:
             self._function("glClearBufferuiv" if whole else "glClearBufferfv", *arguments)(_COLOR, at, _ZEROS)
         if depth:
             self._function("glClearBufferfv", *arguments)(_DEPTH, 0, _FARTHEST)
+
+    def draw_into(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Bind a framebuffer for drawing to all of it.
+
+        `Framebuffer.use` sets masks and draw buffers each time, too, five calls and one for each attachment, twenty
+        times a frame. moderngl does not learn of this binding: bind with `use` before it is asked to draw elsewhere.
+        """
+        self._function("glBindFramebuffer", ctypes.c_uint, ctypes.c_uint)(_FRAMEBUFFER, framebuffer.glo)
+        self._function("glViewport", *(ctypes.c_int,) * 4)(0, 0, *framebuffer.size)
 
     @contextmanager
     def logic_operation(self, name: Literal["xor", "or"]) -> Iterator[None]:

@@ -158,7 +158,7 @@ class ScreenProgram:
                                          | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
                                          | moderngl.FRAMEBUFFER_BARRIER_BIT)
         else:
-            targets.framebuffer(outputs[name] for name in self._writes).use()
+            self._gl.draw_into(targets.framebuffer(outputs[name] for name in self._writes))
             self._vertex_array.render(moderngl.TRIANGLES, 3)
 
     def release(self) -> None:

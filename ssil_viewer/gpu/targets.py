@@ -48,6 +48,8 @@ FORMATS: dict[str, Format] = {
                       "decode_surface({}.xy)", "encode_surface({})", 8),
     "lobe": Format(2, "u4", "Lobe", "uvec2", "usampler2D", "uimage2D", "rg32ui",
                    "decode_lobe({}.xy)", "encode_lobe({})", 8),
+    "reflection": Format(2, "u4", "Reflection", "uvec2", "usampler2D", "uimage2D", "rg32ui",
+                         "decode_reflection({}.xy)", "encode_reflection({})", 8),
     "rgb9e5": Format(1, "u4", "vec3", "uint", "usampler2D", "uimage2D", "r32ui",
                      "decode_rgb9e5({}.x)", "encode_rgb9e5({})", 4),
     "reflectance": Format(4, "f1", "vec4", "vec4", "sampler2D", "image2D", "rgba8",
@@ -143,10 +145,16 @@ def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, T
     total = {"depth_buffer": _DEPTH_BYTES * rendered[0] * rendered[1]} if depth else {}
     for name, target in targets.items():
         whole = size if target.cropped else rendered
-        levels = (*target.levels(settings), *([0] if target.history else []))
+        levels = (*target.levels(settings), *([0] if target.history and target.exists(settings) else []))
         sizes = [target.level_size(whole, level) for level in levels]
         total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
     return total
+
+
+def texture_bytes(texture: moderngl.Texture) -> int:
+    """Bytes of a texture's finest level."""
+    texel = _DEPTH_BYTES if texture.depth else texture.components * int(texture.dtype[-1])
+    return texture.width * texture.height * texel
 
 
 class TargetSet:
@@ -173,7 +181,7 @@ class TargetSet:
             for name, target in targets.items():
                 for level in target.levels(settings):
                     self._current[name, level] = self._create(target, level)
-                if target.history:
+                if target.history and target.exists(settings):
                     self._previous[name] = self._create(target, 0)
             if depth:
                 with self._allocating():
@@ -219,6 +227,7 @@ class TargetSet:
         key = (*(t.glo for t in colors), int(depth))
         if key not in self._framebuffers:
             self._framebuffers[key] = self._context.framebuffer(colors, self._depth_buffer if depth else None)
+            self._framebuffers[key].use()   # names its draw buffers, which `GLFunctions.draw_into` relies on
         return self._framebuffers[key]
 
     def release(self) -> None:

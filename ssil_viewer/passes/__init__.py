@@ -6,6 +6,9 @@ from ssil_viewer.passes.depth_range import DepthRange
 from ssil_viewer.passes.direct import Direct
 from ssil_viewer.passes.gather import Gather
 from ssil_viewer.passes.gbuffer import GBuffer
+from ssil_viewer.passes.glossy_gather import GlossyGather
+from ssil_viewer.passes.glossy_resolve import GlossyResolve
+from ssil_viewer.passes.glossy_upsample import GlossyUpsample
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
 from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
 from ssil_viewer.passes.reflect import AddBounces, Reflect
@@ -17,8 +20,10 @@ from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
 from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, DepthRange, Voxelize, VoxelMipmap,
-                                 Reflect, MipmapRadiance, Gather, Upsample, AddBounces, Temporal, Composite)
+                                 Reflect, MipmapRadiance, Gather, Upsample, AddBounces, Temporal, GlossyGather,
+                                 GlossyUpsample, GlossyResolve, Composite)
 
-__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "ImportGBuffer", "Mipmap",
-           "MipmapRadiance", "Pass", "Read", "Reflect", "ScreenPass", "Shadows", "Sky", "SkyFilter", "Temporal", "Upsample",
-           "VoxelMipmap", "Voxelize"]
+__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
+           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapRadiance", "Pass", "Read", "Reflect",
+           "ScreenPass", "Shadows", "Sky", "SkyFilter",
+           "Temporal", "Upsample", "VoxelMipmap", "Voxelize"]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Iterable, Literal
 
 from ssil_viewer.gpu.targets import Target
+from ssil_viewer.scene.model import Scene
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -83,6 +84,10 @@ class Pass:
     def runs(self, settings: Settings, features: frozenset[str]) -> bool:
         """Whether it runs, given the features of the scene."""
         return self.requires <= features and (self.enabled(settings) or bool(self.serves & features))
+
+    def settings_for(self, scene: Scene, settings: Settings) -> Settings:
+        """What of the settings is in force for a scene: a pass may switch itself off where it would do nothing."""
+        return settings
 
     def target_reads(self) -> Iterable[Read]:
         """Declared reads, for the pipeline's check of the order."""

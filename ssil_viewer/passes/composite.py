@@ -6,34 +6,44 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
 
 if TYPE_CHECKING:
     from ssil_viewer.pass_runner import Frame
 
 
 class Composite(ScreenPass):
-    """final = direct + albedo * irradiance / pi, then exposure, tone curve and sRGB encoding; here the guard band ends.
+    """final = direct + albedo * irradiance / pi + glossy, then exposure, tone curve and sRGB encoding.
+
+    glossy is Fresnel's reflectance times the reflected radiance. Here the guard band ends.
     """
 
     name = "composite"
     shader = "passes/composite.glsl"
     reads = {"direct": Read.of("direct"), "albedo": Read.of("albedo", optional=True),
-             "irradiance": Read.of("irradiance", "all_bounces", "upsample", optional=True)}
+             "irradiance": Read.of("irradiance", "all_bounces", "upsample", optional=True),
+             "reflection": Read.of("reflection", optional=True), "surface": Read.of("surface", optional=True),
+             "specular": Read.of("specular", optional=True)}
     writes = {
         "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True, cropped=True),
+        "glossy": Target("rgba16f", "what glossy reflection of indirect light adds to `final`, W m^-2 sr^-1",
+                         optional=True, cropped=True, exists=glossy_exists),
         "display": Target("rgba8", "the picture, sRGB-encoded", cropped=True),
     }
     uniforms = {"band": "ivec2"}
     tone_maps = ("aces", "neutral", "reinhard", "linear")
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect")),
+        defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect", "glossy")),
                    switch("TONE_MAP", frame.settings.tone_map, self.tone_maps)]
         omit: set[str] = set()
         if frame.settings.bounces == 0:
             omit |= {"albedo", "irradiance"}
-        if frame.has_target("final"):
-            defines.append(("WRITE_FINAL", ""))
-        else:
-            omit.add("final")
+        if not uses_glossy(frame.settings):
+            omit |= {"reflection", "surface", "specular", "glossy"}
+        for name in ("final", "glossy"):
+            if name not in omit and frame.has_target(name):
+                defines.append((f"WRITE_{name.upper()}", ""))
+            else:
+                omit.add(name)
         yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit))

@@ -112,3 +112,15 @@ def test_reflectance_round_trip_through_eight_bits(context):
     assert (np.abs(decoded - clamped)[:, :3] <= np.sqrt(clamped[:, :3]) / 255 + 1e-5).all()
     assert np.abs(decoded[:, 3] - clamped[:, 3]).max() <= 0.5 / 255 + 1e-6
     assert (decoded[clamped[:, 0] > 0.00001, 0] > 0).all(), "dark is not black"
+
+
+def test_reflections(context):
+    """Roughness and spread to 1e-4; negative roughness, where nothing reflects, stays negative."""
+    values = np.array([(1, 2, 3, 0.0), (0, 0, 0, 1.0), (4, 5, 6, 0.2), (1, 1, 1, -1.0)], np.float32)
+    spread = np.array([[0.0], [4.0], [0.37], [9.0]], np.float32)
+    body = "Reflection r = decode_reflection(encode_reflection(Reflection(a.rgb, a.a, b.r))); "
+    found = evaluate(context, PACKING, body + "result = vec4(r.radiance, r.roughness);", values, spread)
+    assert found[:, :3] == pytest.approx(values[:, :3], rel=1e-2)
+    assert found[:3, 3] == pytest.approx(values[:3, 3], abs=1e-4) and found[3, 3] < 0
+    found = evaluate(context, PACKING, body + "result.r = r.spread;", values, spread)[:, 0]
+    assert found == pytest.approx([0, 4, 0.37, 4], abs=1e-4)

@@ -23,7 +23,7 @@ def test_matches_the_sum_over_all_pixels(make_renderer, name):
     """Bias within 3 %, relative RMSE under 0.15 over means of 8x8 pixels, with rings that reach the whole image."""
     scene = load_scene(f"builtin:{name}")
     camera = default_camera(scene)
-    renderer = make_renderer(scene, SIZE, samples=256)
+    renderer = make_renderer(scene, SIZE, samples=256, visibility="off")
     render_frames(renderer, camera, 16)
     bias, error = compare_with_sum(renderer, camera, renderer.settings.start_level, blocks=200)
     assert abs(bias) < 0.03
@@ -37,21 +37,22 @@ def test_vote_is_at_least_as_good_as_nearest(make_renderer):
     camera = default_camera(scene)
     errors = {}
     for mip_filter in ("vote", "nearest"):
-        renderer = make_renderer(scene, (320, 180), samples=256, mip_filter=mip_filter)
+        renderer = make_renderer(scene, (320, 180), samples=256, mip_filter=mip_filter, visibility="off")
         render_frames(renderer, camera, 8)
         errors[mip_filter] = compare_with_sum(renderer, camera, 0, blocks=60)[1]
     assert errors["vote"] <= errors["nearest"] * 1.1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cornell", "atrium"])
-def test_image_size_does_not_change_the_light(make_renderer, name):
+@pytest.mark.parametrize(("name", "visibility", "places"), [("cornell", "off", 0.1), ("atrium", "off", 0.1),
+                                                            ("cornell", "horizon", 0.1), ("atrium", "horizon", 0.12)])
+def test_image_size_does_not_change_the_light(make_renderer, name, visibility, places):
     """Twice the size, the same irradiance of the picture to 5 %; places differ more, since what is thinner than a
-    texel of the starting level differs: 6 and 8 % in the mean were measured."""
+    texel of the starting level differs: 6 and 8 % in the mean were measured, with horizon 10 % on the atrium."""
     scene = load_scene(f"builtin:{name}")
     means = []
     for size, block in (((640, 360), 8), (SIZE, 16)):
-        renderer = make_renderer(scene, size, samples=128)
+        renderer = make_renderer(scene, size, samples=128, visibility=visibility)
         render_frames(renderer, default_camera(scene), 8)
         rows, columns = size[1] // block, size[0] // block
         shape = rows, block, columns, block
@@ -61,7 +62,7 @@ def test_image_size_does_not_change_the_light(make_renderer, name):
     both = whole & whole_large
     assert both.mean() > 0.5
     assert large[both].mean() == pytest.approx(small[both].mean(), rel=0.05)
-    assert np.abs(large - small)[both].mean() / large[both].mean() < 0.1
+    assert np.abs(large - small)[both].mean() / large[both].mean() < places
 
 
 def test_rings_add_up(make_renderer):
@@ -69,7 +70,8 @@ def test_rings_add_up(make_renderer):
     scene, camera = scenes.cornell(), BOX_CAMERA
     totals = []
     for levels, radius in ((1, 256.0), (3, 64.0)):
-        renderer = make_renderer(scene, (320, 180), start_level=0, levels=levels, radius=radius, samples=512)
+        renderer = make_renderer(scene, (320, 180), start_level=0, levels=levels, radius=radius, samples=512,
+                                 visibility="off")
         render_frames(renderer, camera, 8)
         totals.append(renderer.read("indirect").mean(dtype=np.float64))
     assert totals[1] == pytest.approx(totals[0], rel=0.03)

@@ -44,7 +44,7 @@ def test_the_first_bounce_does_not_depend_on_further_ones(make_renderer):
 
 
 def test_the_second_bounce_is_the_sum_over_what_the_first_one_left(make_renderer):
-    """Against the sum over all texels of the starting level, whose radiance is albedo times the first bounce over pi."""
+    """The sum over all texels of the starting level; their radiance is albedo times the first bounce over pi."""
     size = 320, 180
     renderer = make_renderer(scenes.cornell(), size, bounces=2, start_level=1, samples=256, radius=96.0,
                              visibility="off")

@@ -31,7 +31,7 @@ def example(name: str):
 
 def test_headless(capsys):
     images = example("headless").main(size=SIZE, frames=2)
-    expected = images["direct"] + images["albedo"] * images["indirect"] / np.pi
+    expected = images["direct"] + images["albedo"] * images["indirect"] / np.pi + images["glossy"]
     # Half floats in the targets, 8-bit albedo in both
     assert np.allclose(images["final"], expected, atol=2e-3 * expected.max())
     with np.load("headless.npz") as saved:

@@ -20,7 +20,7 @@ from ssil_viewer.settings import Settings
 SIZE = (64, 36)
 FAST = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--samples", "8", "--frames", "2"]
 PROMISED = {
-    "final": 3, "direct": 3, "indirect": 3, "radiance": 3, "albedo": 3, "normal": 3, "view_depth": 1,
+    "final": 3, "direct": 3, "indirect": 3, "glossy": 3, "radiance": 3, "albedo": 3, "normal": 3, "view_depth": 1,
 }
 
 
@@ -156,10 +156,15 @@ def test_timings_name_every_pass(tmp_path):
 def test_an_interrupted_render_leaves_nothing(tmp_path, number, status):
     words = ["render", "builtin:cornell", "--size", "320x180", "--frames", "100000", "-o", "a.png"]
     command = [sys.executable, "-m", "ssil_viewer", *words]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
-    process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    # Shells start background jobs with SIGINT ignored, and children inherit that: a suite that runs as one must not
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+    try:
+        time.sleep(4)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert (process.returncode, out, err) == (status, "", "")
     assert list(tmp_path.iterdir()) == []
 

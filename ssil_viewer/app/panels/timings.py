@@ -27,7 +27,7 @@ def draw(timings: Timings, frame_seconds: float) -> None:
         imgui.table_next_row()
         imgui.table_next_column()
         imgui.separator()
-        _row("frame", timings.frame, 0.0)
+        _row("frame" if timings.waits else "submitting", timings.frame, 0.0)
         imgui.end_table()
     clock = "GPU timer queries" if timings.source == "gpu" else "wall clock (software OpenGL)"
     rate = f"{1 / frame_seconds:.1f} fps" if frame_seconds else "n/a"

@@ -1,0 +1,81 @@
+// What diffuse and glossy gather share: receivers, senders, and where samples lie. Included after the definitions
+// FORM_FACTOR: 0 disc, 1 point. SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
+// Needs the uniform `texel`: width of a texel of this level in level-0 pixels.
+#if VISIBILITY == 1
+#include "lib/voxels.glsl"
+#ifndef HAS_VOXELS_FAR
+#define texture_voxels_far texture_voxels
+#endif
+#elif VISIBILITY == 2
+#include "lib/horizon.glsl"
+#endif
+
+const float PI = 3.141592653589793;
+
+struct Receiver {
+    ivec2 px;
+    vec3 position;
+    vec3 normal;
+};
+
+// A texel as it looks from the receiver.
+struct Sender {
+    ivec2 px;
+    vec3 position;
+    float view_depth;       // 0: background
+    vec3 normal;
+    vec3 offset;            // from the receiver
+    float distance_squared;
+    float inverse_distance;
+};
+
+// False where there is nothing to look at: off screen, background, the receiver itself.
+bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
+    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size_surface())) || at == receiver.px) return false;
+    Surface surface = load_surface(at);
+    vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+    vec3 position = position_from_ray(ray, surface.view_depth);
+    vec3 offset = position - receiver.position;
+    float squared = dot(offset, offset);
+    sender = Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
+    return surface.view_depth > 0.0 && squared > 0.0;
+}
+
+// R^2 of the disc that stands for one texel of the sender, as the receiver sees it.
+float texel_disc(Sender sender) {
+    vec2 scale = frame.ray_scale * texel;
+    float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
+    // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
+    // much: its cosine is held above 1 %.
+    float facing = max(-dot(sender.normal, sender.position), 0.01 * length(sender.position));
+    float depth = sender.view_depth;
+    return sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth) / facing;
+}
+
+// Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`.
+float form_factor(Sender sender, float disc, float texels) {
+#if FORM_FACTOR == 1
+    return texels * disc / sender.distance_squared;
+#elif SPACING == 0
+    // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
+    // the sum over all texels where a disc of the whole strip's area would stay below it.
+    return texels * disc / (sender.distance_squared + disc);
+#else
+    // The disc is all that the sample stands for: what tames samples that are few near the receiver
+    return texels * disc / (sender.distance_squared + texels * disc);
+#endif
+}
+
+float form_factor(Sender sender, float texels) { return form_factor(sender, texel_disc(sender), texels); }
+
+// Radius of one of `count` samples between two radii, and the area in texels that it stands for, per radian.
+vec2 ring_place(float from, float to, int count, float at) {
+    float share = 1.0 / float(count);
+#if SPACING == 0
+    float radius = mix(from, to, at * share);
+    return vec2(radius, radius * (to - from) * share);
+#else
+    float squared = mix(from * from, to * to, at * share);
+    return vec2(sqrt(squared), 0.5 * (to * to - from * from) * share);
+#endif
+}

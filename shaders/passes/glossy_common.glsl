@@ -1,0 +1,66 @@
+// How far neighbours may lend a receiver their reflection. Included by the passes that filter it.
+
+// Distance to the plane at which a tap's weight is halved, relative to the view depth.
+const float REFLECTION_PLANE_TOLERANCE = 0.01;
+// Difference of perceptual roughness at which it is halved: materials stay apart.
+const float ROUGHNESS_TOLERANCE = 0.05;
+
+// Tighter in normal than for irradiance: a mirror direction turns twice as far as its normal. The narrower the lobe, the
+// tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
+float reflection_agreement(Surface receiver, vec3 p, float roughness, Surface tap, vec2 tap_ray, float tap_roughness) {
+    if (tap.view_depth <= 0.0 || tap_roughness < 0.0) return 0.0;
+    float facing = pow(max(dot(receiver.normal, tap.normal), 0.0), mix(64.0, 16.0, clamp(roughness * 2.0, 0.0, 1.0)));
+    float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
+                    / (receiver.view_depth * REFLECTION_PLANE_TOLERANCE);
+    float unlike = (tap_roughness - roughness) / ROUGHNESS_TOLERANCE;
+    return facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
+}
+
+// Sum of the weights below which nobody agrees.
+const float LEAST_AGREEMENT = 0.01;
+
+// Weighted mean of reflections, and the one nearest in depth for when nobody agrees.
+struct ReflectionSum {
+    vec3 sum;
+    float squares;      // of luminance
+    float deviation;    // spread times luminance
+    float total;
+    Reflection nearest;
+    float apart;
+};
+
+ReflectionSum no_reflection() {
+    return ReflectionSum(vec3(0.0), 0.0, 0.0, 0.0, Reflection(vec3(0.0), 0.0, 0.0), 1e30);
+}
+
+float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
+
+void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+    float light = luminance(tap.radiance);
+    sum.sum += tap.radiance * weight;
+    sum.squares += light * light * weight;
+    sum.deviation += tap.spread * light * weight;
+    sum.total += weight;
+    if (tap.roughness >= 0.0 && apart < sum.apart) {
+        sum.apart = apart;
+        sum.nearest = tap;
+    }
+}
+
+// The mean, with the mean of the spreads.
+Reflection mean_reflection(ReflectionSum sum, float roughness) {
+    float missing = max(LEAST_AGREEMENT - sum.total, 0.0);
+    vec3 mean = (sum.sum + sum.nearest.radiance * missing) / (sum.total + missing);
+    float deviation = (sum.deviation + sum.nearest.spread * luminance(sum.nearest.radiance) * missing)
+                    / (sum.total + missing);
+    return Reflection(mean, roughness, deviation / max(luminance(mean), 1e-12));
+}
+
+// The mean, with the spread of what it was taken of.
+Reflection measured_reflection(ReflectionSum sum, float roughness) {
+    Reflection mean = mean_reflection(sum, roughness);
+    float light = luminance(mean.radiance);
+    float variance = sum.squares / max(sum.total, LEAST_AGREEMENT) - light * light;
+    mean.spread = sqrt(max(variance, 0.0)) / max(light, 1e-12);
+    return mean;
+}

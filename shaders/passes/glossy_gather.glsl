@@ -1,0 +1,193 @@
+// Reflected radiance of one level, for a reflectance of 1: a disc at the starting level, a ring beyond.
+// IMPORTANCE: 1 samples lie in the wedge of the image that the lobe fills, 0 all around.
+// FORM_FACTOR, SPACING, VISIBILITY: see gather_common.glsl.
+#include "lib/phong.glsl"
+#include "lib/sampling.glsl"
+#include "passes/gather_common.glsl"
+
+const float TURN = 6.283185307179586;
+const float GOLDEN_TURN = 0.6180339887498949;
+
+struct Mirror {
+    vec3 direction;     // of the ideal reflection, view space
+    float exponent;
+    float n_dot_r;
+    float scale;        // 1 / phong_albedo
+};
+
+// Roughness of the surface that a texel kept: the mean over four of its pixels, as far as they lie on it. Negative where
+// nothing reflects.
+float roughness_of(ivec2 px, Surface surface, vec3 position) {
+    ivec2 last = textureSize(texture_image_surface, 0) - 1;
+    float sum = 0.0, total = 0.0;
+    for (int i = 0; i < 4; ++i) {
+        vec2 corner = vec2(px) + (vec2(i & 1, i >> 1) * 0.5 + 0.25);
+        ivec2 at = min(ivec2(corner * texel), last);
+        Surface fine = load_image_surface(at);
+        vec3 there = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin),
+                                       fine.view_depth);
+        float off_plane = abs(dot(surface.normal, there - position));
+        if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) continue;
+        vec4 specular = load_specular(at);
+        float weight = max(max(specular.r, specular.g), specular.b) * max(dot(fine.normal, surface.normal), 0.0);
+        sum += specular.a * weight;
+        total += weight;
+    }
+    return total > 1e-4 ? sum / total : -1.0;
+}
+
+// Part of the image in which samples lie, seen from the receiver.
+struct Wedge {
+    float middle;       // angle in the image
+    float width;        // radians; 2 pi for the whole disc
+};
+
+// Direction in the image of a displacement of the receiver, in texels.
+vec2 image_direction(vec3 position, vec3 displacement) {
+    vec2 scale = frame.ray_scale * texel;
+    return (displacement.xy + position.xy / -position.z * displacement.z) / scale;
+}
+
+// A cone around the mirror direction lies, seen along the view ray, between two half-planes through that ray, which
+// are lines of the image.
+Wedge wedge_of(Receiver receiver, Mirror mirror) {
+#if IMPORTANCE == 1
+    vec3 view = normalize(receiver.position);
+    float cone_cos = lobe_cone_cos(mirror.exponent);
+    float cone_sin = sqrt(max(1.0 - cone_cos * cone_cos, 0.0));
+    vec3 across = mirror.direction - view * dot(view, mirror.direction);
+    float ray_sin = length(across);
+    if (cone_sin < ray_sin * 0.999) {
+        across /= ray_sin;
+        float s = cone_sin / ray_sin;
+        vec3 along = across * sqrt(1.0 - s * s), aside = cross(across, view) * s;
+        vec2 from = image_direction(receiver.position, along - aside);
+        vec2 to = image_direction(receiver.position, along + aside);
+        float width = atan(from.x * to.y - from.y * to.x, dot(from, to));
+        return Wedge(atan(from.y, from.x) + 0.5 * width, abs(width));
+    }
+#endif
+    return Wedge(0.0, TURN);
+}
+
+// A texel is taken as a whole, as wide as it is: so much is added to each side of the wedge, in texels, for the texels
+// that lie half in it and for the lobes that widen to a texel's size.
+const float WEDGE_MARGIN = 1.5;
+
+float width_at(Wedge wedge, float radius) {
+    return min(wedge.width + 2.0 * WEDGE_MARGIN / max(radius, 0.1), TURN);
+}
+
+// What a sample at a radius adds up to over the wedge's width there. at: from 0 to 1 across the wedge.
+ivec2 texel_at(Receiver receiver, Wedge wedge, float width, float radius, float at) {
+    float angle = wedge.middle + (at - 0.5) * width;
+    return ivec2(floor(vec2(receiver.px) + 0.5 + vec2(cos(angle), sin(angle)) * radius));
+}
+
+// Levels take turns gradually: a narrow lobe ends within a few texels, and pixels between two coarse receivers would
+// see it in both levels' rings or in none. Weight of a sample at this radius; over all levels they add up to 1.
+float ring_weight(float radius) {
+    float rising = clamp((radius - inner_radius) * fade.x, 0.0, 1.0);
+    float falling = clamp((frame.radius - radius) * fade.y, 0.0, 1.0);
+    return (fade.x > 0.0 ? rising : 1.0) * (fade.y > 0.0 ? falling : 1.0);
+}
+
+// Share of a sender's radiance that reaches the camera over the receiver; `texels`: texels that it stands for.
+float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels) {
+    float lobe_cos = dot(mirror.direction, sender.offset) * sender.inverse_distance;
+    float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
+    if (lobe_cos <= 0.0 || receiver_cos <= 0.0) return 0.0;
+    float disc = texel_disc(sender);
+    // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
+    float exponent = widened_exponent(mirror.exponent, disc / sender.distance_squared);
+    // The cosine where texel and lobe overlap: the mean of the product of two Gaussians. With the texel's own, surfaces
+    // that are seen at a grazing angle reflected up to half too much.
+    float overlap_cos = mix(mirror.n_dot_r, receiver_cos, exponent / mirror.exponent);
+    return phong_lobe(exponent, min(lobe_cos, 1.0)) * mirror.scale * PI * overlap_cos
+         * form_factor(sender, disc, texels);
+}
+
+#if VISIBILITY == 2
+// Rows of samples that lead away from the receiver; see gather.glsl.
+vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
+    vec2 scale = frame.ray_scale * texel;
+    int inner_steps = inner_radius > 0.0 ? (steps + 1) / 2 : 0;
+    vec3 sum = vec3(0.0);
+    for (int d = 0; d < directions; ++d) {
+        float across = (float(d) + jitter.x) / float(directions);
+        float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
+        uint blocked = 0u;
+        for (int i = 0; i < inner_steps + steps; ++i) {
+            bool is_inner = i < inner_steps;
+            vec2 place = is_inner ? ring_place(0.0, inner_radius, inner_steps, float(i) + shift)
+                                  : ring_place(inner_radius, frame.radius, steps, float(i - inner_steps) + shift);
+            float width = width_at(wedge, place.x);
+            ivec2 at = texel_at(receiver, wedge, width, place.x, across);
+            Sender sender;
+            if (!look_at(receiver, at, sender)) continue;
+            // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
+            // receiver's own surface would seem to rise above itself
+            HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
+                                                   vec3(vec2(at - receiver.px) * scale, 0.0));
+            float front = elevation(half_plane, sender.offset * sender.inverse_distance);
+            if (!is_inner && !sees_blocked(blocked, front)) {
+                float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
+                            * ring_weight(place.x);
+                if (share > 0.0) sum += load_radiance(sender.px) * share;
+            }
+            vec3 back = sender.position * (1.0 + frame.thickness) - receiver.position;
+            blocked |= sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+        }
+    }
+    return sum;
+}
+#else
+vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
+#if VISIBILITY == 1
+    vec2 scale = frame.ray_scale * texel;
+    Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
+    VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
+#endif
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < samples; ++i) {
+        vec2 place = ring_place(inner_radius, frame.radius, samples, float(i) + jitter.y);
+        float width = width_at(wedge, place.x);
+        // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
+        float across = fract(jitter.x + float(i) * GOLDEN_TURN);
+        Sender sender;
+        if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
+        float share = reflectance(receiver, mirror, sender, width * place.y) * ring_weight(place.x);
+        if (share <= 0.0) continue;
+        vec3 radiance = load_radiance(sender.px) * share;
+#if VISIBILITY == 1
+        if (radiance == vec3(0.0)) continue;
+        VoxelEnd there = voxel_end(slicing, sender.px, sender.position, sender.normal, scale);
+        if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
+#endif
+        sum += radiance;
+    }
+    return sum;
+}
+#endif
+
+void shade(ivec2 px) {
+    out_glossy_gather = Reflection(vec3(0.0), -1.0, 0.0);
+    Surface surface = load_surface(px);
+    if (surface.view_depth <= 0.0) return;
+    vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+    Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), normalize(surface.normal));
+    float roughness = roughness_of(px, surface, receiver.position);
+    if (roughness < 0.0) return;
+    vec3 view = normalize(receiver.position);
+    vec3 r = reflect(view, receiver.normal);
+    float exponent = phong_exponent(roughness), n_dot_r = dot(receiver.normal, r);
+    Mirror mirror = Mirror(r, exponent, n_dot_r, 1.0 / phong_albedo(exponent, n_dot_r));
+    Wedge wedge = wedge_of(receiver, mirror);
+    vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
+#if VISIBILITY == 2
+    vec3 radiance = gather_rows(receiver, mirror, wedge, jitter);
+#else
+    vec3 radiance = gather_samples(receiver, mirror, wedge, jitter);
+#endif
+    out_glossy_gather = Reflection(radiance, roughness, 0.0);
+}

@@ -1,0 +1,78 @@
+// Reflected radiance of the image: brought up from the starting level, and averaged over frames along the surface's
+// motion. UPSAMPLING: 0 bilateral, 1 nearest.
+#include "passes/glossy_common.glsl"
+
+Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
+    ivec2 last = size_glossy_light() - 1;
+    vec2 at_level = (vec2(px) + 0.5) / texel - 0.5;
+#if UPSAMPLING == 1
+    Reflection own = load_glossy_light(min(ivec2(at_level + 0.5), last));
+    return Reflection(own.radiance, roughness, 4.0);
+#else
+    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin), receiver.view_depth);
+    vec2 corner = floor(at_level), f = at_level - corner;
+    ReflectionSum sum = no_reflection();
+    for (int i = 0; i < taps; ++i) {
+        ivec2 offset = ivec2(i & 1, i >> 1);
+        ivec2 at = clamp(ivec2(corner) + offset, ivec2(0), last);
+        Reflection tap = load_glossy_light(at);
+        Surface there = load_start_surface(at);
+        vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+        vec2 kernel = 1.0 - abs(vec2(offset) - f);
+        float weight = kernel.x * kernel.y
+                     * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
+        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
+    }
+    return mean_reflection(sum, roughness);
+#endif
+}
+
+#ifdef HAS_HISTORY
+// Mean over frames. Its length is that of the irradiance's, found by the same surface under the same tests.
+vec3 with_history(ivec2 px, Surface surface, Reflection now) {
+    float frames = load_irradiance(px).a;
+    if (frame.history_frames == 0 || frames <= 1.0) return now.radiance;
+    ivec2 size = size_surface();
+    vec4 motion = load_motion(px);
+    vec2 moved = motion.xy * (vec2(size) / frame.extent), before = vec2(px) + 0.5 - moved;
+    float expected_depth = surface.view_depth * motion.z;
+    vec3 expected = position_from_ray(ray_from_pixel(before, frame.previous_ray_scale, frame.previous_ray_origin),
+                                      expected_depth);
+    vec3 expected_normal = mat3(frame.previous_view_from_view) * surface.normal;
+    vec2 corner = floor(before - 0.5), f = before - 0.5 - corner;
+    vec3 sum = vec3(0.0);
+    float total = 0.0;
+    for (int i = 0; i < 4; ++i) {
+        ivec2 offset = ivec2(i & 1, i >> 1), at = ivec2(corner) + offset, safe = clamp(at, ivec2(0), size - 1);
+        float weight = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
+        Surface old = load_previous_surface(safe);
+        vec2 ray = ray_from_pixel(vec2(safe) + 0.5, frame.previous_ray_scale, frame.previous_ray_origin);
+        float off_plane = abs(dot(expected_normal, position_from_ray(ray, old.view_depth) - expected));
+        bool same = at == safe && old.view_depth > 0.0 && off_plane < 0.01 * expected_depth
+                    && dot(old.normal, expected_normal) > 0.9;
+        sum += load_history(safe) * (same ? weight : 0.0);
+        total += same ? weight : 0.0;
+    }
+    if (total < 0.01) return now.radiance;
+    // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
+    float still = 1.0 - smoothstep(0.25, 1.0, length(moved));
+    float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
+    // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
+    // rare peaks were cut off and the mean fell by 1 %
+    vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);
+    return mix(clamp(sum / total, low, high), now.radiance, 1.0 / count);
+}
+#endif
+
+void shade(ivec2 px) {
+    out_reflection = vec3(0.0);
+    Surface surface = load_surface(px);
+    vec4 specular = load_specular(px);
+    if (surface.view_depth <= 0.0 || max(max(specular.r, specular.g), specular.b) <= 0.0) return;
+    Reflection now = from_start_level(px, surface, specular.a);
+#ifdef HAS_HISTORY
+    out_reflection = with_history(px, surface, now);
+#else
+    out_reflection = now.radiance;
+#endif
+}

@@ -1,0 +1,1 @@
+"""Measurements: times of the passes, their floors, how they scale, and the settings for a time budget."""

@@ -1,0 +1,88 @@
+"""Visibility by horizons: against rays (R2), and where the answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ssil_viewer.headless import render_frames
+from ssil_viewer.reference.all_pixels import random_blocks
+from ssil_viewer.reference.metrics import bias_and_error
+from ssil_viewer.reference.visible_pixels import references
+from ssil_viewer.scene import default_camera, load_scene
+from ssil_viewer.scene.model import Camera, Light, Material
+from tests import scenes
+
+WHITE = Material(base_color=(0.7, 0.7, 0.7, 1.0), specular=0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cornell", "arch"])
+def test_is_near_the_visible_sum(make_renderer, name):
+    """Bias within 5 %, relative RMSE under 0.15, and nearer than without visibility; voxels are nearer, too."""
+    scene = load_scene(f"builtin:{name}")
+    camera = default_camera(scene)
+    errors, places, visible = {}, None, None
+    for visibility in ("horizon", "voxel", "off"):
+        renderer = make_renderer(scene, (1280, 720), samples=256, visibility=visibility)
+        render_frames(renderer, camera, 16)
+        if visible is None:
+            places = random_blocks(renderer.read("view_depth") > 0, 100)
+            _, visible = references(renderer, camera, scene, renderer.settings.start_level, *places)
+        errors[visibility] = bias_and_error(renderer.read("indirect")[places].mean((1, 2)), visible.mean((1, 2)))
+    bias, error = errors["horizon"]
+    assert abs(bias) < 0.05
+    assert error < 0.15
+    assert max(errors["horizon"][1], errors["voxel"][1]) < errors["off"][1]
+
+
+def lit_wall(with_block: bool):
+    """A floor, a wall at its left that alone is lit, and perhaps a block in the middle."""
+    parts = [scenes.rectangle((-2, 0, 2), (4, 0, 0), (0, 0, -4)), scenes.rectangle((-2, 0, 2), (0, 0, -4), (0, 2, 0))]
+    if with_block:
+        parts += scenes.box((0.0, 0.5, 0.0), (0.5, 1.0, 0.5))
+    lamp = Light("spot", intensity=40.0, position=(1.5, 3.0, 0.0), direction=(-0.82, -0.57, 0.0), inner_cone=0.1,
+                 outer_cone=0.2)
+    return scenes.scene(parts, (WHITE,), (lamp,))
+
+
+def test_a_block_shades_what_is_behind_it(make_renderer, stage):
+    """The floor right of the block: at least half of what rays say is missing is missing. Rings are gathered at coarse
+    levels, so that shadows of far senders are soft, and the block hides more than the camera can tell."""
+    camera = Camera(eye=(0.0, 2.5, 4.0), target=(0.0, 0.3, 0.0), vertical_fov=0.9)
+    shares = {}
+    for visibility in ("off", "horizon"):
+        light = []
+        for with_block in (False, True):
+            scene = lit_wall(with_block)
+            renderer = make_renderer(scene, (320, 180), samples=256, visibility=visibility, stage=stage)
+            render_frames(renderer, camera, 8)
+            light.append(renderer.read("indirect").mean(-1))
+        behind = np.s_[85:115, 180:230]
+        shares[visibility] = light[1][behind].mean() / light[0][behind].mean()
+    rows, columns = (places[renderer.read("view_depth")[behind] > 0] for places in np.mgrid[behind])
+    all_of_it, seen = references(renderer, camera, scene, renderer.settings.start_level, rows, columns)
+    true_share = seen.mean() / all_of_it.mean()
+    assert true_share < 0.8
+    assert shares["horizon"] < shares["off"] - 0.5 * (1 - true_share)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 7, 17, 64])
+@pytest.mark.parametrize("size", [(1, 1), (3, 7), (65, 33)])
+def test_any_number_of_samples(make_renderer, samples, size):
+    renderer = make_renderer(scenes.cornell(), size, samples=samples, visibility="horizon", start_level=0, levels=2)
+    renderer.render(scenes.CORNELL_CAMERA)
+    assert np.isfinite(renderer.read("indirect")).all()
+
+
+def test_nothing_blocks_in_an_empty_room(make_renderer):
+    """In a convex room every sender is seen: horizon and off agree, to 5 % in the mean over a level that is fine enough
+    for corners to be small."""
+    glowing = Material(base_color=(0.5, 0.5, 0.5, 1.0), emission=(1.0, 1.0, 1.0), specular=0.0)
+    room = scenes.scene(scenes.box((0, 0, 0), (2, 2, 2), inward=True), (glowing,))
+    means = []
+    for visibility in ("off", "horizon"):
+        renderer = make_renderer(room, (320, 180), samples=256, visibility=visibility, start_level=1)
+        render_frames(renderer, Camera(eye=(0.1, 0.2, 0.95)), 8)
+        means.append(renderer.read("indirect").mean(dtype=np.float64))
+    assert means[1] == pytest.approx(means[0], rel=0.05)
