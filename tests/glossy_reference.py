@@ -1,4 +1,4 @@
-"""Glossy reflection as the plain sum over all pixels, in float64 on the CPU: `tests.reference` with a Phong lobe.
+"""Glossy reflection as the plain sum over all pixels, in float64 on the CPU: `reference.all_pixels` with a Phong lobe.
 
 The lobe is the exact one, normalized by numerical integration, as narrow as the roughness says: what differs from it is
 noise, the rings, the widening of the lobe to texels, the coarser levels and the upsampling.

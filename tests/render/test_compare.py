@@ -20,7 +20,7 @@ from ssil_viewer.settings import Settings
 from tests import scenes
 
 SIZE = 160, 90
-SETTINGS = Settings(samples=32, start_level=1, levels=3)
+SETTINGS = Settings(samples=32, start_level=1, levels=3, visibility="off")
 EFFORT = Effort(("R1", "R2", "R3"), blocks=12, rays=32, path_rays=36, spp=2, seconds=60.0)
 
 
