@@ -109,7 +109,7 @@ def test_matches_the_sum_over_all_pixels(make_renderer):
     one point each, without denoising and coarse levels, so single pixels differ by much more."""
     scene = load_scene("builtin:glossy")
     camera = default_camera(scene)
-    renderer = make_renderer(scene, (640, 360))
+    renderer = make_renderer(scene, (640, 360), visibility="off")
     render_frames(renderer, camera, 16)
     specular = renderer.read("specular")
     rows, columns = np.nonzero(specular.max(-1) > 0)
