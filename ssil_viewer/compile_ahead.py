@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import threading
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Iterable, Iterator, Sequence
 
 import moderngl
@@ -67,7 +67,9 @@ def _compile(stop: threading.Event, size: tuple[int, int], settings: Settings, k
     with suppress(Exception):
         context = create_headless_context()
         try:
-            compile_programs(context, size, settings, keep, passes, stop)
+            # Last comes what not every scene needs: whether anything is glossy is known when the scene is there
+            for chosen in dict.fromkeys((replace(settings, glossy_samples=0), settings)):
+                compile_programs(context, size, chosen, keep, passes, stop)
         finally:
             context.release()
 

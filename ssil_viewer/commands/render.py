@@ -78,8 +78,8 @@ def run(args: argparse.Namespace) -> None:
                 renderer.set_scene(scene)
                 renderer.timers.waits |= args.timings
                 _render_frames(renderer, camera, frames)
-            shared.warn(renderer.warnings)
-            _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
+                shared.warn(renderer.warnings)
+                _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
             print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")
             if args.timings:
                 print_timings(renderer)
