@@ -21,14 +21,9 @@ class EnvironmentPanel:
     def draw(self, state: AppState, actions: Actions) -> None:
         """Path, the map in use, and its settings."""
         widgets.label("File", "An equirectangular .hdr or .exr, then Enter. It can be dropped on the window, too.")
-        imgui.set_next_item_width(-imgui.calc_text_size("Browse").x - 4 * imgui.get_style().frame_padding.x)
-        entered, self._path = imgui.input_text_with_hint(
-            "##environment", "path", self._path, imgui.InputTextFlags_.enter_returns_true)
-        imgui.same_line()
-        if imgui.button("Browse"):
-            actions.browse_scene()
-        if entered and self._path.strip():
-            actions.open_environment(Path(self._path.strip().strip('"')).expanduser())
+        self._path, wanted = widgets.path_field("##environment", self._path, actions.browse_scene)
+        if wanted:
+            actions.open_environment(Path(wanted).expanduser())
         environment = state.scene.environment
         if environment is None:
             widgets.muted("None: no light comes from outside of the scene.")

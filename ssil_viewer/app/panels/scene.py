@@ -31,14 +31,9 @@ class ScenePanel:
             draw_builtin_entries(actions)
             imgui.end_combo()
         widgets.label("File", "A path, then Enter. Files can be dropped on the window too.")
-        imgui.set_next_item_width(-imgui.calc_text_size("Browse").x - 4 * imgui.get_style().frame_padding.x)
-        entered, self._path = imgui.input_text_with_hint(
-            "##path", "path", self._path, imgui.InputTextFlags_.enter_returns_true)
-        imgui.same_line()
-        if imgui.button("Browse"):
-            actions.browse_scene()
-        if entered and self._path.strip():
-            actions.open_scene(self._path.strip().strip('"'))
+        self._path, wanted = widgets.path_field("##path", self._path, actions.browse_scene)
+        if wanted:
+            actions.open_scene(wanted)
         if self._described is not state.scene:
             self._describe(state.scene)
         _table(self._facts)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Callable
+
 from imgui_bundle import ImVec4, imgui
 
 from ssil_viewer.app import theme
@@ -92,6 +94,17 @@ def vector(name: str, value: tuple[float, ...], speed: float) -> tuple[bool, tup
     """Three numbers to drag or type."""
     changed, new = imgui.drag_float3(f"##{name}", list(value), speed, 0.0, 0.0, "%.3f")
     return changed, tuple(new)
+
+
+def path_field(name: str, text: str, browse: Callable[[], None]) -> tuple[str, str]:
+    """A field for a path and a button to browse. Returns what stands in the field, and the path when Enter was pressed,
+    else ""."""
+    imgui.set_next_item_width(-imgui.calc_text_size("Browse").x - 4 * imgui.get_style().frame_padding.x)
+    entered, text = imgui.input_text_with_hint(name, "path", text, imgui.InputTextFlags_.enter_returns_true)
+    imgui.same_line()
+    if imgui.button(f"Browse{name}"):
+        browse()
+    return text, text.strip().strip('"') if entered else ""
 
 
 def _wrapped(text: str, color: ImVec4) -> None:
