@@ -1,4 +1,4 @@
-"""Compiles the frame's programs in a second thread while the scene loads.
+"""Compiles the frame's programs in a second thread while the scene loads and is uploaded.
 
 Mesa's software OpenGL, llvmpipe, compiles a program when it is first drawn with, on one core: two seconds for a frame,
 in which the other cores wait. What it compiled it keeps in a cache on disk, where every context looks first. So a
@@ -11,42 +11,54 @@ from __future__ import annotations
 import os
 import threading
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from typing import Iterable, Iterator, Sequence
+from dataclasses import replace
+from queue import SimpleQueue
+from typing import Callable, Iterable, Iterator, Sequence
 
 import moderngl
 
+from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.gpu.context import Capabilities, create_headless_context
 from ssil_viewer.gpu.light_table import LightTable
-from ssil_viewer.pass_runner import Frame, PassRunner
+from ssil_viewer.gpu.scene_buffers import GpuScene
+from ssil_viewer.gpu.scene_draw import SceneDrawer
+from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
-from ssil_viewer.passes.base import Pass
+from ssil_viewer.passes.base import Pass, ScreenPass
+from ssil_viewer.pipeline import SceneFrame, settings_for
+from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
 from ssil_viewer.settings import Settings
 
 # Sides are halved until they are below this: what is drawn does not matter, and costs nothing then
 _LARGE = 256
+_SHADOW_RESOLUTION = 128
 
 
 @contextmanager
 def compiling_ahead(capabilities: Capabilities, size: tuple[int, int], settings: Settings, *,
-                    keep: Iterable[str] = (), passes: Sequence[type[Pass]] = FRAME) -> Iterator[None]:
+                    keep: Iterable[str] = (), passes: Sequence[type[Pass]] = FRAME
+                    ) -> Iterator[Callable[[Scene], None]]:
     """Compile meanwhile, where OpenGL is llvmpipe with compute shaders and there is a second core; else do nothing.
 
     Args:
         capabilities: Of the context that will draw.
         size, settings, keep, passes: As of `pipeline.Renderer`.
+
+    Yields:
+        A function to tell the scene, as soon as it is known: then its materials' programs are compiled, too, and
+        those for glossy surfaces only if it has some.
     """
     if "llvmpipe" not in capabilities.renderer or not capabilities.compute or (os.cpu_count() or 1) < 2:
-        yield
+        yield lambda scene: None
         return
-    stop = threading.Event()
-    thread = threading.Thread(target=_compile, name="compile-ahead",
-                              args=(stop, same_programs_size(size), settings, tuple(keep), passes))
+    ahead = Ahead(same_programs_size(size), settings, tuple(keep), passes)
+    thread = threading.Thread(target=ahead.compile, name="compile-ahead")
     thread.start()
     try:
-        yield
+        yield ahead.told.put
     finally:
-        stop.set()
+        ahead.stop.set()
+        ahead.told.put(None)
         thread.join()   # LLVM must not be at work when the process ends
 
 
@@ -61,31 +73,104 @@ def same_programs_size(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
-def _compile(stop: threading.Event, size: tuple[int, int], settings: Settings, keep: tuple[str, ...],
-             passes: Sequence[type[Pass]]) -> None:
-    # Whatever fails here fails again where the frame is rendered, and is told there
-    with suppress(Exception):
-        context = create_headless_context()
+def same_programs_scene(scene: Scene) -> Scene:
+    """A scene with the same materials, hardly any triangles and small textures, drawn by the same programs."""
+    images = []
+    for image in scene.images:
+        # More than one level has to be left of its pyramid
+        width, height = (max(side, min(2, whole)) for side, whole in zip(
+            same_programs_size(image.pixels.shape[1::-1]), image.pixels.shape[1::-1]))
+        images.append(Image(image.name, image.pixels[:height, :width]))
+    meshes = tuple(Mesh(mesh.name, tuple(map(_first_triangle, mesh.primitives))) for mesh in scene.meshes)
+    return replace(scene, images=tuple(images), meshes=meshes)
+
+
+def _first_triangle(primitive: Primitive) -> Primitive:
+    at = primitive.indices[:1].ravel()
+    tangents, colors = (None if values is None else values[at] for values in (primitive.tangents, primitive.colors))
+    return replace(primitive, positions=primitive.positions[at], normals=primitive.normals[at], tangents=tangents,
+                   texcoords=primitive.texcoords[at], colors=colors,
+                   indices=primitive.indices[:1] * 0 + range(len(at)) if len(at) else primitive.indices)
+
+
+class Ahead:
+    """What the thread does.
+
+    Attributes:
+        told: Takes the scene, once, or None when there will be none.
+        stop: Ends the work after the program at hand.
+    """
+
+    def __init__(self, size: tuple[int, int], settings: Settings, keep: tuple[str, ...],
+                 passes: Sequence[type[Pass]]) -> None:
+        self._size, self._settings, self._keep, self._passes = size, settings, keep, passes
+        self.stop = threading.Event()
+        self.told: SimpleQueue[Scene | None] = SimpleQueue()
+
+    def compile(self) -> None:
+        """Compile all that is known to be needed, until told to stop."""
+        # Whatever fails here fails again where the frame is rendered, and is told there
+        with suppress(Exception):
+            context = create_headless_context()
+            try:
+                self.compile_on(context)
+            finally:
+                context.release()
+
+    def compile_on(self, context: moderngl.Context) -> None:
+        """As `compile`, on this context."""
+        settings = replace(self._settings, shadow_resolution=_SHADOW_RESOLUTION)
+        # Whether anything is glossy is known when the scene is there
+        runner = PassRunner(context, self._passes, self._size, replace(settings, glossy_samples=0), keep=self._keep,
+                            timed=False)
+        lights, drawer = LightTable(context), SceneDrawer(context, FrameBlock)
         try:
-            # Last comes what not every scene needs: whether anything is glossy is known when the scene is there
-            for chosen in dict.fromkeys((replace(settings, glossy_samples=0), settings)):
-                compile_programs(context, size, chosen, keep, passes, stop)
+            self._screen_passes(_frame(runner, lights, drawer), until=lambda: not self.told.empty())
+            scene = self.told.get()
+            if scene is not None:
+                self._with_scene(runner, lights, drawer, scene, settings)
         finally:
-            context.release()
+            drawer.release()
+            lights.release()
+            runner.release()
+
+    def _with_scene(self, runner: PassRunner, lights: LightTable, drawer: SceneDrawer, scene: Scene,
+                    settings: Settings) -> None:
+        runner.set_settings(settings_for(runner.passes, scene, settings))
+        gpu_scene = GpuScene(runner.context, same_programs_scene(scene), software=True)
+        try:
+            drawer.set_scene(gpu_scene)
+            gpu_scene.upload_transforms()
+            lights.update(scene.lights, gpu_scene.origin, gpu_scene.bounds, settings.shadow_resolution,
+                          runner.capabilities.max_texture_size, settings.area_shadow_samples)
+            frame = _frame(runner, lights, drawer, gpu_scene.has_occlusion_maps)
+            # First what is drawn first: who renders the frame will be there soon
+            for p in runner.passes:
+                if not isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
+                    if self.stop.is_set():
+                        return
+                    with runner.frame():
+                        p.execute(frame)
+            self._screen_passes(frame)
+        finally:
+            gpu_scene.release()
+
+    def _screen_passes(self, frame: SceneFrame, until: Callable[[], bool] = lambda: False) -> None:
+        """Draw once with the program of every screen pass; what was drawn with before takes no time.
+
+        The last pass comes first: who renders the frame meanwhile begins with the first one, and so the two do not
+        compile the same program again and again, side by side.
+        """
+        runner = frame.runner
+        with runner.frame():
+            for p in reversed(runner.passes):
+                if isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
+                    for dispatch in p.dispatches(frame):
+                        if self.stop.is_set() or until():
+                            return
+                        frame.dispatch(p, dispatch)
 
 
-@dataclass(kw_only=True)
-class _UnlitFrame(Frame):
-    lights: LightTable
-
-
-def compile_programs(context: moderngl.Context, size: tuple[int, int], settings: Settings, keep: Iterable[str],
-                     passes: Sequence[type[Pass]], stop: threading.Event) -> None:
-    """Compile in this thread, on this context, until `stop`; other arguments as of `compiling_ahead`."""
-    runner = PassRunner(context, passes, size, settings, keep=keep, timed=False)
-    lights = LightTable(context)
-    try:
-        runner.compile_ahead(stop, _UnlitFrame(runner, settings, runner.radius, lights.textures, lights=lights))
-    finally:
-        lights.release()
-        runner.release()
+def _frame(runner: PassRunner, lights: LightTable, drawer: SceneDrawer, has_occlusion_maps: bool = False) -> SceneFrame:
+    return SceneFrame(runner, runner.settings, runner.radius, lights.textures, has_occlusion_maps, lights=lights,
+                      shadows_stale=True, drawer=drawer)

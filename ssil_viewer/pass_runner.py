@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -168,6 +167,7 @@ class PassRunner:
         self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
         self.settings = settings
+        self.targets: TargetSet | None = None
         self.targets = self._allocate(size, settings)
         self.frame_index = 0
         self.gl = GLFunctions(context)
@@ -196,7 +196,7 @@ class PassRunner:
         if self.capabilities.software:
             needed = target_bytes(size, settings, self.declared, self._rasterizes)
             require_memory(sum(needed.values()), shown, "--size", advice)
-        return TargetSet(self.context, size, settings, self.declared, self._rasterizes)
+        return TargetSet(self.context, size, settings, self.declared, self._rasterizes, self.targets)
 
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each target with its levels and history, and of the depth buffer."""
@@ -246,7 +246,7 @@ class PassRunner:
         self.reset_history()
 
     def _replace_targets(self, fresh: TargetSet) -> None:
-        self.targets.release()
+        self.targets.release(but=fresh)
         self.targets = fresh
 
     def reset_history(self) -> None:
@@ -310,24 +310,6 @@ class PassRunner:
         """The pass that runs reads or writes these textures once."""
         if self._traffic is not None:
             self._traffic[self._running] = self._traffic.get(self._running, 0) + sum(map(texture_bytes, textures))
-
-    def compile_ahead(self, stop: threading.Event, frame: Frame) -> None:
-        """Draw once with the program of every screen pass, which compiles it; the results mean nothing.
-
-        The last pass comes first: who renders the frame meanwhile begins with the first one, and so the two do not
-        compile the same program again and again, side by side.
-
-        Args:
-            stop: Ends it after the program at hand.
-            frame: With all that the screen passes of the sequence ask for.
-        """
-        with self.frame():
-            for p in reversed(self.passes):
-                if isinstance(p, ScreenPass) and p.runs(self.settings, self.features):
-                    for dispatch in p.dispatches(frame):
-                        if stop.is_set():
-                            return
-                        frame.dispatch(p, dispatch)
 
     @property
     def band(self) -> tuple[int, int]:

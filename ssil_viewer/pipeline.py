@@ -65,6 +65,13 @@ class SceneFrame(Frame):
         self.runner.unbind()
 
 
+def settings_for(passes: Iterable[Pass], scene: Scene | None, settings: Settings) -> Settings:
+    """The settings without what does nothing in a scene; as they are for None."""
+    for p in passes if scene is not None else ():
+        settings = p.settings_for(scene, settings)
+    return settings
+
+
 class Renderer:
     """Renders scenes on one context. Knows nothing of windows or files.
 
@@ -127,7 +134,7 @@ class Renderer:
         """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
         try:
-            self._runner.set_settings(self._settings_for(scene, self._settings))
+            self._runner.set_settings(settings_for(self._runner.passes, scene, self._settings))
             self.set_environment(scene.environment)
         except UserError:
             fresh.release()
@@ -179,14 +186,9 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        self._runner.set_settings(self._settings_for(self.scene, settings))
+        self._runner.set_settings(settings_for(self._runner.passes, self.scene, settings))
         self._settings = settings
         self._lights_moved |= shadows_change
-
-    def _settings_for(self, scene: Scene | None, settings: Settings) -> Settings:
-        for p in self._runner.passes if scene is not None else ():
-            settings = p.settings_for(scene, settings)
-        return settings
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""

@@ -72,8 +72,9 @@ def run(args: argparse.Namespace) -> None:
             view = _check_view(view, renderer) if view else None
             if view and target.suffix.lower() == ".png":
                 renderer.show_buffer(*view)
-            with compiling_ahead(renderer.capabilities, args.size, settings, keep=_KEEP):
+            with compiling_ahead(renderer.capabilities, args.size, settings, keep=_KEEP) as tell_scene:
                 scene = shared.load(args)
+                tell_scene(scene)
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)
                 renderer.timers.waits |= args.timings

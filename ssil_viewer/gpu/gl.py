@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import repeat
 from typing import Iterator, Literal, Sequence
 
 import moderngl
 import numpy as np
+
+from ssil_viewer.gpu.mip_chain import has_mip_chain, mip_chain
 
 _TEXTURE_2D_ARRAY = 0x8C1A
 _RGBA, _UNSIGNED_BYTE, _UNSIGNED_INT = 0x1908, 0x1401, 0x1405
@@ -140,7 +144,7 @@ class GLFunctions:
         draw = self._function("glDrawElements", ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_void_p)
         draw(_TRIANGLES, count, _UNSIGNED_INT, 4 * first)
 
-    def texture_array(self, layers: list[np.ndarray], srgb: bool) -> moderngl.TextureArray:
+    def texture_array(self, layers: list[np.ndarray], srgb: bool, software: bool = False) -> moderngl.TextureArray:
         """An array texture of 8-bit RGBA images with mipmaps.
 
         moderngl makes 2D arrays, but not sRGB ones, whose filtering and mipmaps are right; so the storage
@@ -149,18 +153,24 @@ class GLFunctions:
         Args:
             layers: (H, W, 4) uint8 each, all of one size, row 0 at v = 0.
             srgb: RGB is sRGB-encoded.
+            software: OpenGL is; mipmaps are then made without it where they can be.
         """
         height, width = layers[0].shape[:2]
         texture = self._context.texture_array((width, height, len(layers)), 4)
         texture.use(0)
         specify = self._function("glTexImage3D", *(ctypes.c_int,) * 9, ctypes.c_void_p)
         upload = self._function("glTexSubImage3D", *(ctypes.c_int,) * 10, ctypes.c_void_p)
-        specify(_TEXTURE_2D_ARRAY, 0, _SRGB8_ALPHA8 if srgb else _RGBA8, width, height, len(layers), 0,
-                _RGBA, _UNSIGNED_BYTE, None)
-        for at, layer in enumerate(layers):
-            pixels = np.ascontiguousarray(layer)
-            upload(_TEXTURE_2D_ARRAY, 0, 0, 0, at, width, height, 1, _RGBA, _UNSIGNED_BYTE,
-                   pixels.ctypes.data_as(ctypes.c_void_p))
-        self._function("glGenerateMipmap", ctypes.c_uint)(_TEXTURE_2D_ARRAY)    # without holding Python's lock
+        own_mipmaps = software and has_mip_chain(width, height)
+        for level in range(max(width, height).bit_length() if own_mipmaps else 1):
+            specify(_TEXTURE_2D_ARRAY, level, _SRGB8_ALPHA8 if srgb else _RGBA8, max(width >> level, 1),
+                    max(height >> level, 1), len(layers), 0, _RGBA, _UNSIGNED_BYTE, None)
+        with ThreadPoolExecutor() as threads:
+            pyramids = threads.map(mip_chain, layers, repeat(srgb)) if own_mipmaps else ([layer] for layer in layers)
+            for at, pyramid in enumerate(pyramids):
+                for level, pixels in enumerate(map(np.ascontiguousarray, pyramid)):
+                    upload(_TEXTURE_2D_ARRAY, level, 0, 0, at, *pixels.shape[1::-1], 1, _RGBA, _UNSIGNED_BYTE,
+                           pixels.ctypes.data_as(ctypes.c_void_p))
+        if not own_mipmaps:
+            self._function("glGenerateMipmap", ctypes.c_uint)(_TEXTURE_2D_ARRAY)    # without holding Python's lock
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture

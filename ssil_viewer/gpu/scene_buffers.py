@@ -36,9 +36,13 @@ DEPTH_FORMAT = ("3f4 52x 2i4", ("position", "object_material"))
 # Texture slots of a material in the order of their shader define and sampler
 SLOTS = ("base_color", "metallic_roughness", "normal", "occlusion", "emission")
 _SRGB_SLOTS = {"base_color", "emission"}
-# Most materials have these: where a scene uses one, a material without it reads a white texel instead, since a
+# Most materials have these: where a scene uses one, a material without it reads a white texture instead, since a
 # shader variant costs more (a tenth of a second of compilation on software OpenGL) than the lookup.
 _SHARED_SLOTS = ("base_color", "normal")
+# A white layer in an array that the scene has anyway saves a draw, and a program where drivers compile one for other
+# texture sizes; larger layers would cost too much memory (this side: 5.6 MB with mipmaps).
+_LARGEST_WHITE = 1024
+_WHITE = -1     # in place of the index of an image
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 
 _Owned = TypeVar("_Owned", moderngl.Texture, moderngl.Buffer)
@@ -105,11 +109,8 @@ class GpuScene:
             raise
 
     def _upload(self, scene: Scene, software: bool) -> None:
+        self._shared = {slot for slot in _SHARED_SLOTS if any(getattr(m, f"{slot}_texture") for m in scene.materials)}
         self._upload_images(scene, software)
-        self._shared = [slot for slot in _SHARED_SLOTS if any(getattr(m, f"{slot}_texture") for m in scene.materials)]
-        if self._shared:
-            white = np.full((1, 1, 4), 255, np.uint8)
-            self.arrays.append(GLFunctions(self._context).texture_array([white], False))
         self.materials = self._own(self._material_table(scene.materials))
         self._transforms = np.zeros((max(len(scene.instances), 1), OBJECT_TEXELS, 4), np.float32)
         for index, instance in enumerate(scene.instances):
@@ -137,20 +138,27 @@ class GpuScene:
         for image, srgb in sorted(uses):
             shape = scene.images[image].pixels.shape[:2]
             by_shape.setdefault((shape, srgb), []).append(image)
+        for srgb in sorted({slot in _SRGB_SLOTS for slot in self._shared}):
+            shapes = [shape for shape, is_srgb in by_shape if is_srgb == srgb and max(shape) <= _LARGEST_WHITE]
+            by_shape.setdefault((min(shapes, default=(1, 1)), srgb), []).append(_WHITE)
         gl = GLFunctions(self._context)
         limit = int(self._context.info.get("GL_MAX_ARRAY_TEXTURE_LAYERS", 256))
-        for (_, srgb), images in by_shape.items():
+        for (shape, srgb), images in by_shape.items():
             for start in range(0, len(images), limit):
                 chunk = images[start:start + limit]
                 for layer, image in enumerate(chunk):
                     self._places[image, srgb] = (len(self.arrays), layer)
-                array = gl.texture_array([scene.images[i].pixels for i in chunk], srgb)
+                layers = [np.full((*shape, 4), 255, np.uint8) if i == _WHITE else scene.images[i].pixels for i in chunk]
+                array = gl.texture_array(layers, srgb, software)
                 array.anisotropy = 1.0 if software else min(8.0, self._context.max_anisotropy)
                 self.arrays.append(array)
 
     def _place(self, material: Material, slot: str) -> tuple[int, int] | None:
+        """Array and layer of a material's texture, or of the white one where there is such a stand-in."""
         ref = getattr(material, f"{slot}_texture")
-        return None if ref is None else self._places[ref.image, slot in _SRGB_SLOTS]
+        if ref is None and slot not in self._shared:
+            return None
+        return self._places[_WHITE if ref is None else ref.image, slot in _SRGB_SLOTS]
 
     def _material_table(self, materials: tuple[Material, ...]) -> moderngl.Texture:
         rows = np.zeros((max(len(materials), 1), MATERIAL_TEXELS, 4), np.float32)
@@ -158,7 +166,7 @@ class GpuScene:
             layer = {slot: float(place[1]) if (place := self._place(m, slot)) else 0.0 for slot in SLOTS}
             dielectric = min(m.specular * ((m.ior - 1.0) / (m.ior + 1.0)) ** 2, 1.0)
             row[0] = m.base_color
-            # A scale of zero makes the white texel, read in place of a missing map, the unchanged normal
+            # A scale of zero makes white, read in place of a missing map, the unchanged normal
             row[1] = (*m.emission, m.normal_scale if m.normal_texture else 0.0)
             row[2] = (m.metallic, m.roughness, m.occlusion_strength, m.alpha_cutoff)
             row[3] = (dielectric, layer["base_color"], layer["metallic_roughness"], layer["normal"])
@@ -177,9 +185,7 @@ class GpuScene:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     def _variant(self, m: Material) -> tuple:
-        white = len(self.arrays) - 1
-        textures = tuple((slot, place[0] if (place := self._place(m, slot)) else white) for slot in SLOTS
-                         if slot in self._shared or self._place(m, slot))
+        textures = tuple((slot, place[0]) for slot in SLOTS if (place := self._place(m, slot)))
         defines = [f"{slot.upper()}_MAP" for slot, _ in textures]
         masked = m.alpha_mode != "opaque"
         if masked:

@@ -163,13 +163,15 @@ class TargetSet:
     Args:
         size: Of the image; targets have its guard band, too.
         depth: A depth buffer is needed, too.
+        former: Targets that these replace. What is alike in both is taken from there: allocating anew takes long,
+            and both at once much memory. Release the former with `but` these.
 
     Raises:
-        UserError: They cannot be allocated; nothing is then.
+        UserError: They cannot be allocated; nothing is then, and the former stay whole.
     """
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings,
-                 targets: dict[str, Target], depth: bool = False) -> None:
+                 targets: dict[str, Target], depth: bool = False, former: TargetSet | None = None) -> None:
         self._context = context
         self.size = size
         self._rendered = rendered_size(size, settings)
@@ -177,25 +179,32 @@ class TargetSet:
         self._current: dict[tuple[str, int], moderngl.Texture] = {}
         self._previous: dict[str, moderngl.Texture] = {}
         self._depth_buffer: moderngl.Texture | None = None
+        current, previous, depth_buffer = (former._current, former._previous, former._depth_buffer) if former else (
+            {}, {}, None)
         try:
             for name, target in targets.items():
                 for level in target.levels(settings):
-                    self._current[name, level] = self._create(target, level)
+                    self._current[name, level] = self._create(target, level, current.get((name, level)))
                 if target.history and target.exists(settings):
-                    self._previous[name] = self._create(target, 0)
-            if depth:
+                    self._previous[name] = self._create(target, 0, previous.get(name))
+            if depth and depth_buffer is not None and depth_buffer.size == self._rendered:
+                self._depth_buffer = depth_buffer
+            elif depth:
                 with self._allocating():
                     self._depth_buffer = context.depth_texture(self._rendered)
         except UserError:
-            self.release()
+            self.release(but=former)
             raise
 
     def _allocating(self) -> ContextManager[None]:
         return allocating(self._context, f"an image of {self.size[0]}x{self.size[1]}", "--size", "give a smaller one")
 
-    def _create(self, target: Target, level: int) -> moderngl.Texture:
+    def _create(self, target: Target, level: int, former: moderngl.Texture | None) -> moderngl.Texture:
+        """The former texture, or a new one where that is missing or different."""
         form = FORMATS[target.format]
         size = target.level_size(self.size if target.cropped else self._rendered, level)
+        if former is not None and (former.size, former.components, former.dtype) == (size, form.components, form.dtype):
+            return former
         with self._allocating():     # each on its own: the first failure ends it
             texture = self._context.texture(size, form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -230,9 +239,14 @@ class TargetSet:
             self._framebuffers[key].use()   # names its draw buffers, which `GLFunctions.draw_into` relies on
         return self._framebuffers[key]
 
-    def release(self) -> None:
-        """Free all GPU memory."""
+    def release(self, but: TargetSet | None = None) -> None:
+        """Free all GPU memory, but for what `but` has in common with this set."""
         release_framebuffers(self._context, self._framebuffers.values())
-        for owned in (*self._current.values(), *self._previous.values(), self._depth_buffer):
-            if owned is not None:
+        kept = {id(texture) for texture in but._textures()} if but is not None else set()
+        for owned in self._textures():
+            if id(owned) not in kept:
                 owned.release()
+
+    def _textures(self) -> list[moderngl.Texture]:
+        depth = [self._depth_buffer] if self._depth_buffer is not None else []
+        return [*self._current.values(), *self._previous.values(), *depth]

@@ -167,3 +167,17 @@ def test_a_scene_without_triangles(make_renderer):
     scene = Scene("empty", materials=(WHITE,))
     renderer = render(make_renderer, scene)
     assert not renderer.read("view_depth").any()
+
+
+@pytest.mark.parametrize("size", [(8, 8), (6, 5), (2048, 1)])
+def test_materials_without_a_map_keep_their_factors(make_renderer, size):
+    """They share the program of materials that have one, and read white in its place."""
+    picture = Image("red.png", np.full((size[1], size[0], 4), (255, 0, 0, 255), np.uint8))
+    left = scenes.rectangle((-9, -9, 0), (9, 0, 0), (0, 18, 0))
+    right = scenes.rectangle((0, -9, 0), (9, 0, 0), (0, 18, 0), 1)
+    plain = replace(WHITE, base_color=(0.25, 0.5, 0.75, 1.0))
+    scene = replace(scenes.scene((left, right), (replace(WHITE, base_color_texture=TextureRef(0)), plain)),
+                    images=(picture,))
+    albedo = render(make_renderer, scene).read("albedo")
+    assert np.allclose(albedo[:, :SIZE[0] // 2 - 1], (1, 0, 0), atol=0.01)
+    assert np.allclose(albedo[:, SIZE[0] // 2 + 1:], (0.25, 0.5, 0.75), atol=0.01)

@@ -60,6 +60,23 @@ def test_the_old_size_and_settings_stay(renderer, monkeypatch, calls, error):
     assert np.array_equal(picture(renderer), before)
 
 
+def test_a_change_of_settings_allocates_only_what_it_must(renderer, monkeypatch):
+    """One more level: its own targets are new, all others stay, and the picture is that of a new renderer."""
+    made = []
+    original = moderngl.Context.texture
+    with monkeypatch.context() as patch:
+        patch.setattr(moderngl.Context, "texture", lambda *a, **k: made.append(original(*a, **k)) or made[-1])
+        renderer.set_settings(dataclasses.replace(renderer.settings, levels=5))
+    assert 0 < len(made) < 10
+    assert {texture.size for texture in made} <= {(1, 1), (2, 1)}, "levels 5 and 6 of 24x16"
+    fresh = Renderer(renderer.context, SIZE, renderer.settings, keep=("final",))
+    try:
+        fresh.set_scene(renderer.scene)
+        assert np.array_equal(picture(renderer), picture(fresh))
+    finally:
+        fresh.release()
+
+
 @pytest.mark.parametrize("method", ["texture", "buffer"])
 def test_the_old_scene_stays(renderer, monkeypatch, method):
     before, scene = picture(renderer), renderer.scene

@@ -19,24 +19,36 @@ from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.settings import Settings
 from tests import scenes
 
-# Draws with every program of the frame; run with arguments WIDTH HEIGHT in a process that ends, since only then
-# everything is in the cache on disk.
+# Draws with every program of the frame, as the thread does or as the renderer; run in a process that ends, since only
+# then everything is in the cache on disk.
 _DRAW_ALL = """
-import sys, threading
-from ssil_viewer.compile_ahead import compile_programs
+import sys
+from ssil_viewer.compile_ahead import Ahead
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.passes import FRAME
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.framing import default_camera
+from ssil_viewer.scene.load import load_scene
 from ssil_viewer.settings import Settings
 
 context = create_headless_context()
-compile_programs(context, (int(sys.argv[1]), int(sys.argv[2])), Settings(), ("final",), FRAME, threading.Event())
+scene = load_scene("builtin:glossy")
+size = int(sys.argv[1]), int(sys.argv[2])
+if sys.argv[3] == "ahead":
+    ahead = Ahead(size, Settings(), ("final",), FRAME)
+    ahead.told.put(scene)
+    ahead.compile_on(context)
+else:
+    renderer = Renderer(context, size, Settings(), keep=("final",))
+    renderer.set_scene(scene)
+    renderer.render(default_camera(scene))
 context.finish()
 """
 
 
-def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path) -> int:
+def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead") -> int:
     environment = os.environ | {"MESA_SHADER_CACHE_DIR": str(cache), "MESA_SHADER_CACHE_DISABLE": "false"}
-    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size)], check=True, env=environment, timeout=120)
+    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size), how], check=True, env=environment, timeout=120)
     return sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
 
 
@@ -54,6 +66,14 @@ def test_the_small_size_needs_the_programs_of_the_large_one(size, context, tmp_p
     assert _bytes_in_cache_after_drawing(size, tmp_path) == small
 
 
+def test_the_renderer_finds_every_program_there(context, tmp_path):
+    """Of materials and shadow maps, too, which are drawn from a scene with hardly any triangles and small textures."""
+    _needs_llvmpipe(context)
+    size = (320, 180)
+    ahead = _bytes_in_cache_after_drawing(compile_ahead.same_programs_size(size), tmp_path)
+    assert _bytes_in_cache_after_drawing(size, tmp_path, "renderer") == ahead
+
+
 @pytest.mark.parametrize("size", [(1280, 720), (1, 1), (1, 4096), (3, 8192), (255, 255), (256, 256)])
 def test_small_sizes_are_small_and_never_empty(size):
     width, height = compile_ahead.same_programs_size(size)
@@ -68,7 +88,8 @@ def test_the_picture_does_not_depend_on_it(context, make_renderer):
     alone.render(default_camera(scene))
     expected = read_all(alone)
     both = make_renderer(scene, (65, 37))
-    with compile_ahead.compiling_ahead(both.capabilities, both.size, both.settings, keep=("final",)):
+    with compile_ahead.compiling_ahead(both.capabilities, both.size, both.settings, keep=("final",)) as tell_scene:
+        tell_scene(scene)
         both.render(default_camera(scene))
     for name, values in read_all(both).items():
         assert np.array_equal(values, expected[name]), name
