@@ -133,7 +133,12 @@ void shade(ivec2 px) {
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), surface.normal);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
+#if VISIBILITY == 2
+    // Within the angle from one row to the next: a turn by whole rows would be none
+    vec2 direction = direction_from_turn(jitter.x / float(directions));
+#else
     vec2 direction = direction_from_turn(jitter.x);
+#endif
     Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), near = none, light = none;
 #if VISIBILITY == 2
     gather_rows(receiver, direction, jitter.y, near, light);
