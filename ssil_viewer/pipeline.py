@@ -117,6 +117,16 @@ class Renderer:
         return self._settings
 
     @property
+    def runner(self) -> PassRunner:
+        """The frame's passes and targets, for tools that run shaders of their own on them after `render`."""
+        return self._runner
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) world position, metres, of the zero of the shaders' world space."""
+        return self._gpu_scene.origin
+
+    @property
     def frame_index(self) -> int:
         """Frames since the history began."""
         return self._runner.frame_index

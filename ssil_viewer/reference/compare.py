@@ -19,6 +19,7 @@ from ssil_viewer.reference.all_pixels import Surfaces, irradiance, random_blocks
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
+from ssil_viewer.reference.triangles import LIFT
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings
@@ -26,9 +27,6 @@ from ssil_viewer.settings import Settings
 REFERENCES = ("R1", "R2", "R3")
 BLOCK = 8
 """Side of the squares of pixels whose means are compared."""
-
-LIFT = 3e-4
-"""Of the view depth, by which receivers stand off their surface towards the camera; see `occluders.LIFT`."""
 
 _RAYS_OF_PASS = 36
 _SPP_OF_PASS = 4
