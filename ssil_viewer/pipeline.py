@@ -261,11 +261,12 @@ class Renderer:
         """The picture: RGBA8, sRGB-encoded, row 0 = bottom."""
         return self._runner.targets.texture("display")
 
-    def present(self, framebuffer: moderngl.Framebuffer) -> None:
-        """Draw `display` over the whole of a framebuffer."""
+    def present(self, framebuffer: moderngl.Framebuffer, picture: moderngl.Texture | None = None,
+                right_of: int = 0) -> None:
+        """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this column on."""
         if self._presenter is None:
             self._presenter = Presenter(self.context)
-        self._presenter.draw(self.display, framebuffer)
+        self._presenter.draw(picture or self.display, framebuffer, right_of)
 
     @property
     def timings(self) -> Timings:

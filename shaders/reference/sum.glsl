@@ -6,6 +6,7 @@
 // whether it is hidden decides for all of it, which is right in the mean.
 // Where even one slice of all pixels takes long, a run deals with one of `1 << 2 * part_bits` parts of the 8x8 tiles of the
 // image. The sums' alpha counts the slices.
+//   one: 1 (lib/compensated.glsl).
 //   first: pixel where the image begins in what was rendered; first_sender: the same in texels of the senders' level.
 #define VISIBILITY 0
 #define SPACING 0
@@ -100,10 +101,10 @@ void shade(ivec2 px) {
             uint sweep = uint(slice >> (2 * bits));
             int own = (slice ^ int(hash(place ^ sweep))) & mask;
             Slice found = add_up(receiver, dealt_out(own, bits), hash(place + uint(slice) * 0x9E3779B9u));
-            add_compensated(sum, lost, found.light);
+            add_compensated(sum, lost, found.light, one);
 #ifdef RAYS
             if (found.drawn.x >= 0 && hidden_from(receiver.position, load_ends(found.drawn).xyz))
-                add_compensated(hidden, hidden_lost, found.carried);
+                add_compensated(hidden, hidden_lost, found.carried, one);
 #endif
         }
     }

@@ -16,7 +16,7 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.gpu.screen_program import Variant
-from ssil_viewer.gpu.targets import Target, TargetSet, level_size, target_bytes, texture_bytes
+from ssil_viewer.gpu.targets import Target, TargetSet, level_size, rendered_size, target_bytes, texture_bytes
 from ssil_viewer.passes.base import switch
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference.gpu_triangles import GpuTriangles, TriangleTables
@@ -28,7 +28,11 @@ SENDERS_OF_SLICE = 16
 """About how many senders a slice has unless more rays are asked for: few enough that one turn of a window on software
 OpenGL stays short, so many that a ray, which costs as much as some of them, does not dominate."""
 
-_MOST_SLICES_AT_ONCE = 4096
+MOST_SENDERS_AT_ONCE = 4096
+"""Of one run of the shader, which has about as many turns of loops: llvmpipe ends all loops of an invocation for good
+after 65535 turns, without a word."""
+
+_MOST_RAYS_AT_ONCE = 8      # each may walk through thousands of nodes; see MOST_SENDERS_AT_ONCE
 _MOST_PART_BITS = 4
 RAYS = 256
 """Least number of R2's rays for each pixel that `ProgressiveReference` makes by itself: 2 to 3 % of noise in a pixel,
@@ -45,6 +49,7 @@ def slice_bits(senders: tuple[int, int], rays: int | None = None) -> int:
     """
     bits = 0
     wanted = senders[0] * senders[1] / SENDERS_OF_SLICE if rays is None else rays
+    wanted = max(wanted, senders[0] * senders[1] / MOST_SENDERS_AT_ONCE)
     while 4**bits < wanted and 2**bits < max(senders):
         bits += 1
     return bits
@@ -93,11 +98,13 @@ class ProgressiveReference:
         self._bits = slice_bits(self._senders, self._rays)
         self.slices_done = 0
         self._part = 0      # of the slices that are being added
-        if self._targets is None or self._targets.size != renderer.size:
+        shape = renderer.size, rendered_size(renderer.size, renderer.settings)
+        if self._targets is None or self._shape != shape:
             self._release_targets()
+            self._shape = shape
             targets = {name: Target(_TEXEL, "", history=True, cropped=True) for name in self._names}
             self._targets = TargetSet(renderer.context, renderer.size, renderer.settings, targets | {
-                "reference": Target(_TEXEL, "irradiance E, W m^-2, times the material's occlusion map", cropped=True)})
+                "reference": Target(_TEXEL, "irradiance E, W m^-2, times the material's occlusion map")})
         if self.kind == "R2":
             self._find_ends()
 
@@ -137,6 +144,13 @@ class ProgressiveReference:
 
     # -- work ----------------------------------------------------------------------------------------------------------
 
+    @property
+    def most_at_once(self) -> int:
+        """Slices of one run of the shader at most."""
+        of_slice = -(-self._senders[0] >> self._bits) * -(-self._senders[1] >> self._bits)
+        most = max(MOST_SENDERS_AT_ONCE // of_slice, 1)
+        return most if self.kind == "R1" else min(most, _MOST_RAYS_AT_ONCE)
+
     def advance_for(self, seconds: float) -> None:
         """Go on for about so long, at least by one slice of a part of the image; the GPU is waited for."""
         end = time.perf_counter() + seconds
@@ -156,7 +170,7 @@ class ProgressiveReference:
             if self._part_bits:
                 self._part_bits -= 1
             else:
-                self._at_once = min(self._at_once * 2, _MOST_SLICES_AT_ONCE)
+                self._at_once = min(self._at_once * 2, self.most_at_once)
         elif share > 1:
             if self._at_once > 1:
                 self._at_once //= 2
@@ -167,7 +181,7 @@ class ProgressiveReference:
         """Add so many slices, or what is left of them, at all pixels."""
         self._part_bits, goal = 0, min(self.slices_done + slices, self.slices_wanted)
         while self.slices_done < goal:
-            self._advance(min(goal - self.slices_done, self._at_once))
+            self._advance(min(goal - self.slices_done, self.most_at_once))
 
     def _advance(self, slices: int) -> None:
         """One run of the shader: some slices, at those pixels whose turn it is."""
@@ -181,9 +195,11 @@ class ProgressiveReference:
         defines = [switch("FORM_FACTOR", self._renderer.settings.form_factor, ("disc", "point"))]
         uniforms = {"texel": float(2**self._level), **self._begin(), "senders": self._senders, "bits": self._bits,
                     "first_slice": self.slices_done, "slices": slices, "part": self._part,
-                    "fresh": int(self.slices_done == 0 and self._part == 0), "part_bits": self._part_bits}
+                    "fresh": int(self.slices_done == 0 and self._part == 0), "part_bits": self._part_bits,
+                    "one": 1.0}
         types = {"texel": "float", "first": "ivec2", "first_sender": "ivec2", "senders": "ivec2", "bits": "int",
-                 "first_slice": "int", "slices": "int", "fresh": "int", "part": "int", "part_bits": "int"}
+                 "first_slice": "int", "slices": "int", "fresh": "int", "part": "int", "part_bits": "int",
+                 "one": "float"}
         tables: tuple[tuple[str, str], ...] = ()
         if self._triangles is not None:
             reads.append(("ends", _TEXEL))
@@ -233,7 +249,8 @@ class ProgressiveReference:
         return self._targets
 
     def texture(self) -> moderngl.Texture:
-        """The estimate so far, computed anew: RGBA32F of the image's size, irradiance in W m^-2."""
+        """The estimate so far, computed anew: RGBA32F, irradiance in W m^-2. It has the guard band, as the renderer's
+        own has, and is 0 there."""
         names, runner = self._names, self._renderer.runner
         reads = (*((name, _TEXEL) for name in names), ("albedo", "reflectance"))
         variant = Variant("reference/resolve.glsl", reads, (), (("reference", _TEXEL),),
@@ -248,9 +265,11 @@ class ProgressiveReference:
     def read(self) -> np.ndarray:
         """The estimate so far: (H, W, 3) float32, row 0 = top, W m^-2. Negative where R2's rays are too few."""
         width, height = self._renderer.size
-        data = np.frombuffer(self.texture().read(), np.float32).reshape(height, width, 4)
+        left, bottom = self._renderer.runner.band
+        texture = self.texture()
+        data = np.frombuffer(texture.read(), np.float32).reshape(texture.height, texture.width, 4)
         self._renderer.timers.disturb()
-        return np.ascontiguousarray(data[::-1, :, :3])
+        return np.ascontiguousarray(data[bottom:bottom + height, left:left + width, :3][::-1])
 
     @property
     def bytes(self) -> int:
