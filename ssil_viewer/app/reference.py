@@ -28,9 +28,9 @@ from ssil_viewer.settings import Settings
 BLOCK = 8
 """Side of the squares whose means the numbers compare, as `ssil-viewer compare` does."""
 
-_TURN = 0.1             # s of work a turn
+_TURN = 0.2             # s of work a turn
 _BUSY_TURN = 0.03       # s while somebody's hand is on the mouse
-_NUMBERS_INTERVAL = 0.5  # s; reading back waits for the GPU
+_NUMBERS_INTERVAL = 1.0  # s; reading back waits for the GPU
 _WITHOUT_EFFECT = (
     "samples", "radius", "sample_spacing", "visibility", "thickness", "voxel_fill", "voxel_slices", "voxel_view_slice",
     "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "show", "exposure",

@@ -16,6 +16,7 @@ _OVERLAY = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgu
             | imgui.WindowFlags_.no_bring_to_front_on_focus)
 _GRIP_EM = 0.8      # width of the strip that takes the divider
 _SCALE_EM = (15.0, 0.9)
+_LABEL_EM = 4.6     # height that the labels take at the bottom
 
 
 def draw(state: AppState, actions: Actions) -> None:
@@ -112,7 +113,7 @@ def draw_overlay(state: AppState, reference: WindowReference, left: float, top: 
     numbers = f"\nbias {_percent(found.bias)}, relative RMSE {_number(found.relative_rmse)}" if found else ""
     _label("theirs", f"{name}   {progress_text(reference)}{numbers}", (edge + 0.6 * em, bottom - 0.6 * em), (0.0, 1.0))
     if state.reference_view == "error":
-        _scale(reference.scale, (display.x - 0.6 * em, bottom - 0.6 * em))
+        _scale(reference.scale, (display.x - 0.6 * em, bottom - _LABEL_EM * em))
 
 
 def _divider(state: AppState, top: float, bottom: float) -> None:
