@@ -133,7 +133,7 @@ def test_the_divider_parts_the_two_and_can_be_dragged(small):
     other = shown(small)
     at = round(0.6 * 640)
     differs = np.abs(both - other).max(-1) > 3
-    rows = slice(40, 280)   # without menu and labels
+    rows = slice(40, 190)   # without menu, labels and scale
     assert not differs[rows, 340:at - 8].any(), "ours is left of it"
     assert differs[rows, at + 8:500].mean() > 0.8
     drag(small, (at, 200), (520, 210))

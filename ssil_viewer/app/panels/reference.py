@@ -142,7 +142,8 @@ def _divider(state: AppState, top: float, bottom: float) -> None:
 
 
 def _label(name: str, text: str, place: tuple[float, float], pivot: tuple[float, float]) -> None:
-    imgui.set_next_window_pos(place, imgui.Cond_.always, pivot)
+    room = imgui.get_io().display_size.x - imgui.calc_text_size(text).x - 3 * imgui.get_style().window_padding.x
+    imgui.set_next_window_pos((place[0] if pivot[0] else min(place[0], room), place[1]), imgui.Cond_.always, pivot)
     imgui.set_next_window_bg_alpha(0.75)
     imgui.begin(f"##{name}", None, _OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs)
     imgui.text_unformatted(text)
