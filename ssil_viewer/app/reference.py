@@ -161,6 +161,7 @@ class WindowReference:
             if self._sums is not None:      # of another kind or scene
                 self._sums.release()
                 self._sums = None
+                self._forget_numbers()
             self._builder = threading.Thread(target=build, daemon=True)
             self._builder.start()
             return False

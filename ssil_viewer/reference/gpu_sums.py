@@ -248,10 +248,14 @@ class ProgressiveReference:
         """Owner of `texture()`."""
         return self._targets
 
-    def texture(self) -> moderngl.Texture:
+    def texture(self, unoccluded: bool = False) -> moderngl.Texture:
         """The estimate so far, computed anew: RGBA32F, irradiance in W m^-2. It has the guard band, as the renderer's
-        own has, and is 0 there."""
-        names, runner = self._names, self._renderer.runner
+        own has, and is 0 there.
+
+        Args:
+            unoccluded: R1, also where rays were cast for R2.
+        """
+        names, runner = self._names[:2] if unoccluded else self._names, self._renderer.runner
         reads = (*((name, _TEXEL) for name in names), ("albedo", "reflectance"))
         variant = Variant("reference/resolve.glsl", reads, (), (("reference", _TEXEL),),
                           (("first", "ivec2"), ("slices", "float")))
@@ -262,11 +266,15 @@ class ProgressiveReference:
                      {"first": runner.band, "slices": float(self.slices)})
         return reference
 
-    def read(self) -> np.ndarray:
-        """The estimate so far: (H, W, 3) float32, row 0 = top, W m^-2. Negative where R2's rays are too few."""
+    def read(self, unoccluded: bool = False) -> np.ndarray:
+        """The estimate so far: (H, W, 3) float32, row 0 = top, W m^-2. Negative where R2's rays are too few.
+
+        Args:
+            unoccluded: As of `texture`.
+        """
         width, height = self._renderer.size
         left, bottom = self._renderer.runner.band
-        texture = self.texture()
+        texture = self.texture(unoccluded)
         data = np.frombuffer(texture.read(), np.float32).reshape(texture.height, texture.width, 4)
         self._renderer.timers.disturb()
         return np.ascontiguousarray(data[bottom:bottom + height, left:left + width, :3][::-1])
