@@ -63,7 +63,8 @@ def progress_text(reference: WindowReference) -> str:
 
 def _progress(reference: WindowReference) -> None:
     share = reference.sums.progress if reference.sums is not None else 0.0
-    imgui.progress_bar(share, (-1.0, 0.0), progress_text(reference))
+    imgui.progress_bar(share, (-1.0, 0.4 * imgui.get_font_size()), "")
+    widgets.muted(progress_text(reference))
 
 
 def _numbers(reference: WindowReference) -> None:
