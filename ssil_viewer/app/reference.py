@@ -183,7 +183,7 @@ class WindowReference:
         """Go on for a while. Call after `follow`, when the renderer's last frame shows the view.
 
         Args:
-            busy: The user does something: be back soon.
+            busy: The user does something, or frames are to come one after the other: be back soon.
             rendered: Our own picture is a new one.
         """
         if self._sums is None:

@@ -148,7 +148,7 @@ class Viewer:
         self.state.resting = not self._rendered and not measuring
         if not measuring and self._rendered_view is not None:
             reference.follow(self._rendered_view)
-            reference.advance(not self._pacer.idle(now), self._rendered)
+            reference.advance(self.state.continuous or not self._pacer.idle(now), self._rendered)
         self._present(self._screen)
         self._gui_renderer.render(imgui.get_draw_data(), self._screen)
         self._after_frame(view, measuring)

@@ -85,8 +85,8 @@ def test_the_legend_has_the_scales_colours(scale):
 def test_the_command_writes_the_picture(tmp_path, capsys):
     target = tmp_path / "error.png"
     assert cli.main(["compare", "builtin:cornell", "--size", "64x36", "--samples", "4", "--levels", "2",
-                     "--frames", "1", "--blocks", "3", "--reference", "R1", "--heat-map", str(target), "--heat-map-range", "0.3",
-                     "--json", str(tmp_path / "error.json")]) == 0
+                     "--frames", "1", "--blocks", "3", "--reference", "R1", "--heat-map", str(target),
+                     "--heat-map-range", "0.3", "--json", str(tmp_path / "error.json")]) == 0
     out = capsys.readouterr().out
     assert "whole image" in out
     assert Image.open(target).size[0] == 64
