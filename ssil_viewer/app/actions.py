@@ -14,6 +14,7 @@ from ssil_viewer.app import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_control import CameraControl, camera_flags
 from ssil_viewer.app.light_motion import LightMotion
+from ssil_viewer.app.other_settings import OtherSettings
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState
@@ -72,6 +73,7 @@ class Actions:
         self._window = window
         self.benchmark = WindowBenchmark(state, renderer)
         self.reference = WindowReference(state, renderer)
+        self.other = OtherSettings(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
@@ -124,6 +126,19 @@ class Actions:
         """Show a coarser level of the buffer."""
         self._step_level(1)
 
+    def keep_settings(self) -> None:
+        """Keep the settings of now as B, and show both side by side; or show A alone again."""
+        if self.state.other is None:
+            self.state.other, self.state.reference = self.state.settings, "off"
+            self.state.say("Kept as B: change the settings to see A beside it")
+        else:
+            self.state.other = None
+
+    def swap_settings(self) -> None:
+        """A becomes B and B becomes A."""
+        if self.state.other is not None:
+            self.state.settings, self.state.other = self.state.other, self.state.settings
+
     def next_reference(self) -> None:
         """Go round no reference, R1 and R2."""
         names = ("off", "R1", "R2")
@@ -152,7 +167,7 @@ class Actions:
     @_shows_errors
     def save_image(self) -> None:
         """Write the rendered image, without panels, to the working directory."""
-        self.save_pixels(self.reference.read())
+        self.save_pixels((self.other if self.other.shown else self.reference).read())
 
     def save_window(self) -> None:
         """Write the window with its panels, as soon as this frame is drawn."""

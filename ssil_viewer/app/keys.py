@@ -53,6 +53,8 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("R", "Compare with no reference, with R1, with R2", "Image", "next_reference", (Chord("R"),)),
     Binding("V", "Of the reference, the error or the image", "Image", "toggle_error", (Chord("V"),)),
     Binding("K", "Our image left of a divider, or the reference alone", "Image", "toggle_split", (Chord("K"),)),
+    Binding("Ctrl+B", "Keep the settings as B and show them beside those of now, A; or end that", "Image",
+            "keep_settings", (Chord("B", ctrl=True),)),
     Binding("X", "Values under the cursor on and off", "Image", "toggle_inspector", (Chord("X"),)),
     Binding("F12", "Save the image as PNG, with settings and camera inside", "Image", "save_image", (Chord("F12"),)),
     Binding("Shift+F12", "Save the window as PNG, with the panels", "Image", "save_window",

@@ -114,12 +114,12 @@ class WindowReference:
         """Tell what the renderer's last frame shows. Begins, begins anew, or ends.
 
         Args:
-            view: As `Viewer._look` makes it: settings, lights, the buffer that is shown, and more.
+            view: As `Viewer._look` makes it: settings, lights, the buffer that is shown, and more; settings B last.
         """
         if not self.on:
             self.release()
             return
-        settings, lights, _, *rest = view
+        settings, lights, _, *rest, _ = view
         key = (replace(settings, **{name: getattr(Settings(), name) for name in _WITHOUT_EFFECT}), lights,
                *rest)
         try:

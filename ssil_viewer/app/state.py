@@ -58,6 +58,7 @@ class AppState:
         lights: The lights as edited, without their motion.
         buffer: Name of the buffer shown in place of the image, or None.
         level: Mip level of that buffer.
+        other: Settings B, shown right of the divider, or None.
         reference: Which sum our light is compared with.
         reference_view: What is shown of it: the image under its light, or our error.
         split_view: It is shown right of a divider, and our picture left of it; otherwise everywhere.
@@ -86,6 +87,7 @@ class AppState:
     level: int = 0
     inspector: bool = False
     pixel: PixelReading | None = None
+    other: Settings | None = None
     reference: Literal["off", "R1", "R2"] = "off"
     reference_view: Literal["image", "error"] = "image"
     split_view: bool = True

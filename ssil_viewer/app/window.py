@@ -161,6 +161,7 @@ class Viewer:
         self._gui_renderer.release()
         imgui.destroy_context(self._imgui)
         self.actions.reference.release()
+        self.actions.other.release()
         self._renderer.release()
 
     # What actions need of the window
@@ -258,6 +259,7 @@ class Viewer:
     def _render(self, view: Any) -> None:
         """One frame; after an error the last picture stays, or is drawn again."""
         state, renderer = self.state, self._renderer
+        self.actions.other.render(state.camera.camera())
         try:
             renderer.render(state.camera.camera())
             self._shown = (state.settings, state.buffer, state.level)
@@ -284,7 +286,8 @@ class Viewer:
         """Everything that the picture depends on."""
         state = self.state
         return (self._renderer.settings, self._sent_lights, self._sent_buffer, self._renderer.size,
-                state.camera.camera(), state.scene, state.shader_generation, self.actions.benchmark.runs)
+                state.camera.camera(), state.scene, state.shader_generation, self.actions.benchmark.runs,
+                state.other if self.actions.other.on else None)
 
     def _after_frame(self, view: Any, measuring: bool) -> None:
         if self._save_window:
@@ -318,6 +321,7 @@ class Viewer:
         self._renderer.present(framebuffer)
         if not self.actions.benchmark.running:
             self.actions.reference.present(framebuffer)
+            self.actions.other.present(framebuffer)
 
     def _read_pixel(self) -> PixelReading | None:
         if imgui.get_io().want_capture_mouse:

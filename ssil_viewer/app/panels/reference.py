@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from ssil_viewer.app import theme
 from ssil_viewer.app.actions import Actions
-from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.panels import split, widgets
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.state import AppState
 from ssil_viewer.reference.gpu_pictures import Scale
 
-_OVERLAY = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
-            | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing
-            | imgui.WindowFlags_.no_bring_to_front_on_focus)
-_GRIP_EM = 0.8      # width of the strip that takes the divider
 _SCALE_EM = (15.0, 0.9)
 _LABEL_EM = 4.6     # height that the labels take at the bottom
 
@@ -107,48 +102,15 @@ def draw_overlay(state: AppState, reference: WindowReference, left: float, top: 
     edge = left
     if state.split_view:
         edge = max(state.split * display.x, left)
-        _divider(state, top, bottom)
-        _label("ours", "ours", (edge - 0.6 * em, bottom - 0.6 * em), (1.0, 1.0))
+        split.divider(state, top, bottom)
+        split.label("ours", "ours", (edge - 0.6 * em, bottom - 0.6 * em), (1.0, 1.0))
     name = f"error against {state.reference}" if state.reference_view == "error" else state.reference
     found = reference.numbers
     numbers = f"\nbias {_percent(found.bias)}, relative RMSE {_number(found.relative_rmse)}" if found else ""
-    _label("theirs", f"{name}   {progress_text(reference)}{numbers}", (edge + 0.6 * em, bottom - 0.6 * em), (0.0, 1.0))
+    text = f"{name}   {progress_text(reference)}{numbers}"
+    split.label("theirs", text, (edge + 0.6 * em, bottom - 0.6 * em), (0.0, 1.0))
     if state.reference_view == "error":
         _scale(reference.scale, (display.x - 0.6 * em, bottom - _LABEL_EM * em))
-
-
-def _divider(state: AppState, top: float, bottom: float) -> None:
-    """A line, and a strip around it that takes the mouse."""
-    display, width = imgui.get_io().display_size, _GRIP_EM * imgui.get_font_size()
-    x = round(state.split * display.x)
-    imgui.set_next_window_pos((x - width / 2, top))
-    imgui.set_next_window_size((width, bottom - top))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
-    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
-    imgui.push_style_var(imgui.StyleVar_.window_min_size, (1.0, 1.0))
-    imgui.begin("##divider", None, _OVERLAY | imgui.WindowFlags_.no_background)
-    imgui.pop_style_var(3)
-    imgui.invisible_button("grip", (width, bottom - top))
-    taken = imgui.is_item_active()
-    if taken or imgui.is_item_hovered():
-        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    if taken:
-        state.split = min(max(imgui.get_io().mouse_pos.x / display.x, 0.02), 0.98)
-    commands, middle = imgui.get_window_draw_list(), (top + bottom) / 2
-    color = imgui.get_color_u32(theme.ACCENT if taken else ImVec4(1.0, 1.0, 1.0, 0.85))
-    commands.add_line(ImVec2(x, top), ImVec2(x, bottom), imgui.get_color_u32(ImVec4(0.0, 0.0, 0.0, 0.6)), 3.0)
-    commands.add_line(ImVec2(x, top), ImVec2(x, bottom), color, 1.0)
-    commands.add_rect_filled(ImVec2(x - width / 4, middle - width), ImVec2(x + width / 4, middle + width), color, 3.0)
-    imgui.end()
-
-
-def _label(name: str, text: str, place: tuple[float, float], pivot: tuple[float, float]) -> None:
-    room = imgui.get_io().display_size.x - imgui.calc_text_size(text).x - 3 * imgui.get_style().window_padding.x
-    imgui.set_next_window_pos((place[0] if pivot[0] else min(place[0], room), place[1]), imgui.Cond_.always, pivot)
-    imgui.set_next_window_bg_alpha(0.75)
-    imgui.begin(f"##{name}", None, _OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs)
-    imgui.text_unformatted(text)
-    imgui.end()
 
 
 def _scale(scale: Scale, corner: tuple[float, float]) -> None:
@@ -157,7 +119,7 @@ def _scale(scale: Scale, corner: tuple[float, float]) -> None:
     width, height = (size * em for size in _SCALE_EM)
     imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
     imgui.set_next_window_bg_alpha(0.85)
-    imgui.begin("##scale", None, _OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs)
+    imgui.begin("##scale", None, split.OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs)
     imgui.text_unformatted("ours - reference, of its mean" if scale.signed else "|ours - reference|, of its mean")
     commands, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     margin = 1.6 * em       # room for the numbers at both ends
