@@ -6,7 +6,7 @@ import functools
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, Literal, Protocol, TypeVar
+from typing import Any, Callable, Protocol, TypeVar, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.other_settings import OtherSettings
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
-from ssil_viewer.app.state import AppState
+from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
@@ -141,10 +141,10 @@ class Actions:
 
     def next_reference(self) -> None:
         """Go round no reference, R1 and R2."""
-        names = ("off", "R1", "R2")
+        names = get_args(ReferenceKind)
         self.set_reference(names[(names.index(self.state.reference) + 1) % len(names)])
 
-    def set_reference(self, name: Literal["off", "R1", "R2"]) -> None:
+    def set_reference(self, name: ReferenceKind) -> None:
         """Compare with a reference, in place of any buffer, or stop comparing."""
         self.state.reference = name
         if name != "off":

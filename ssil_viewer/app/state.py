@@ -15,6 +15,8 @@ from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
 
+ReferenceKind = Literal["off", "R1", "R2"]
+
 _TOAST_SECONDS = {"info": 4.0, "error": 10.0}
 _MOST_TOASTS = 5
 _FRAMES_KEPT = 30
@@ -88,7 +90,7 @@ class AppState:
     inspector: bool = False
     pixel: PixelReading | None = None
     other: Settings | None = None
-    reference: Literal["off", "R1", "R2"] = "off"
+    reference: ReferenceKind = "off"
     reference_view: Literal["image", "error"] = "image"
     split_view: bool = True
     split: float = 0.6

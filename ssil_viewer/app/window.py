@@ -23,7 +23,7 @@ from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord
 from ssil_viewer.app.keys import actions as key_actions
 from ssil_viewer.app.pacing import Pacer
 from ssil_viewer.app.scene_loading import SceneLoader
-from ssil_viewer.app.state import AppState, PixelReading
+from ssil_viewer.app.state import AppState, PixelReading, ReferenceKind
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
@@ -45,7 +45,8 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 
 
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
-               camera: Camera | None = None, frames: int | None = None, vsync: bool = True) -> None:
+               camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
+               reference: ReferenceKind = "off", other: Settings | None = None) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -54,6 +55,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         camera: First view; None takes the scene's default camera.
         frames: Close by itself after so many frames; None waits for the user.
         vsync: Wait for the monitor.
+        reference: What the picture is compared with.
+        other: Settings B, shown beside the picture, unless a reference is.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -61,6 +64,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     window = open_window("SSIL Viewer", size, vsync)
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync)
+        viewer.state.other = other
+        viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None
         try:

@@ -59,7 +59,8 @@ class ProgressiveReference:
     """The irradiance of one bounce of the last frame's light, from all pixels (R1) or from those that are seen (R2).
 
     `renderer` has to have rendered a frame with bounces; while that shows the same view and light, `advance` adds to
-    the sums. After any change to them, call `restart`.
+    the sums. After any change to them, call `restart`. Triangles block where the scene has them: an instance that
+    `Renderer.move_instance` moved is not followed.
 
     Args:
         renderer: Its last frame counts; its shaders' uniforms are used.

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssil_viewer.app import other_settings
+from ssil_viewer import cli
+from ssil_viewer.app import other_settings, window
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.model import Light
+from ssil_viewer.settings import Settings, load_preset
 from tests.app import test_window
 from tests.app.test_window import (  # noqa: F401, fixtures
     IMAGE_POINT,
@@ -135,6 +137,26 @@ def test_what_does_not_fit_is_said(viewer, monkeypatch):  # noqa: F811
     assert viewer.state.other is None
     assert any("no memory for B" in toast.text for toast in viewer.state.toasts)
     assert viewer.frames == before + 3
+
+
+def test_the_command_line_begins_with_them(display, scene, tmp_path, monkeypatch):  # noqa: F811
+    """`view --settings-b` takes a preset or a file, `--reference` a sum; mistakes are told before a window opens."""
+    seen = []
+
+    class Noted(window.Viewer):
+        def step(self):
+            super().step()
+            seen.append((self.state.other, self.state.reference, self.actions.other.shown))
+
+    monkeypatch.setattr(window, "Viewer", Noted)
+    (tmp_path / "b.toml").write_text("samples = 5\n")
+    flags = ["builtin:cornell", "--size", "320x200", "--samples", "4", "--levels", "2", "--frames", "2"]
+    assert cli.main(["view", *flags, "--settings-b", str(tmp_path / "b.toml")]) == 0
+    assert seen[-1] == (Settings(samples=5), "off", True)
+    assert cli.main(["view", *flags, "--settings-b", "fast", "--reference", "R1"]) == 0
+    assert seen[-1] == (load_preset("fast"), "R1", False)
+    assert cli.main(["view", *flags, "--settings-b", "nothing-like-it"]) == 2
+    assert cli.main(["view", *flags, "--reference", "R3"]) == 2
 
 
 @pytest.mark.parametrize("name", ["Reference", "Settings A and B"])

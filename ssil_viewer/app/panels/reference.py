@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import split, widgets
 from ssil_viewer.app.reference import WindowReference
-from ssil_viewer.app.state import AppState
+from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.reference.gpu_pictures import Scale
 
 _SCALE_EM = (15.0, 0.9)
@@ -19,7 +21,7 @@ def draw(state: AppState, actions: Actions) -> None:
     reference = actions.reference
     widgets.label("Compare with (R)", "R1: the sum over all pixels, nothing in between. R2: the same as far as rays "
                   "against the scene's triangles see it. Both have one bounce, and so has the picture meanwhile.")
-    chosen = widgets.choice("reference", state.reference, ("off", "R1", "R2"))
+    chosen = widgets.choice("reference", state.reference, get_args(ReferenceKind))
     if chosen != state.reference:
         actions.set_reference(chosen)
     if state.reference == "off":
