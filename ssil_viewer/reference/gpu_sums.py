@@ -9,6 +9,7 @@ Nothing here is part of a frame: textures exist from `ProgressiveReference(...)`
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Literal
 
@@ -33,7 +34,7 @@ MOST_SENDERS_AT_ONCE = 4096
 after 65535 turns, without a word."""
 
 _MOST_RAYS_AT_ONCE = 8      # each may walk through thousands of nodes; see MOST_SENDERS_AT_ONCE
-_MOST_PART_BITS = 4
+_FIRST_PART_BITS, _MOST_PART_BITS = 2, 4     # more parts only after they have shown to be slow
 RAYS = 256
 """Least number of R2's rays for each pixel that `ProgressiveReference` makes by itself: 2 to 3 % of noise in a pixel,
 below half a percent in means of 8x8 pixels."""
@@ -81,7 +82,8 @@ class ProgressiveReference:
         self._targets: TargetSet | None = None
         self._ends: TargetSet | None = None
         self._at_once = 1
-        self._part_bits = 0
+        self._part_bits = _FIRST_PART_BITS
+        self._round_seconds = 0.0
         if kind == "R2":
             made = tables or TriangleTables.of(renderer.scene, renderer.origin)
             self._triangles = GpuTriangles(renderer.context, made)
@@ -99,6 +101,7 @@ class ProgressiveReference:
         self._bits = slice_bits(self._senders, self._rays)
         self.slices_done = 0
         self._part = 0      # of the slices that are being added
+        self._round_seconds = 0.0
         shape = renderer.size, rendered_size(renderer.size, renderer.settings)
         if self._targets is None or self._shape != shape:
             self._release_targets()
@@ -160,26 +163,27 @@ class ProgressiveReference:
             self._advance(self._at_once)
             self._renderer.context.finish()
             now = time.perf_counter()
+            self._round_seconds += now - begun
             if self._part == 0:
-                self._choose_work((now - begun) / seconds)
+                self._choose_work(self._round_seconds / 4**self._part_bits / seconds)
+                self._round_seconds = 0.0
             if now > end:
                 break
 
     def _choose_work(self, share: float) -> None:
-        """How much the next runs do at once; the last one took a share of the time there is for a turn."""
-        if share < 0.2:
-            if self._part_bits:
-                self._part_bits -= 1
-            else:
-                self._at_once = min(self._at_once * 2, self.most_at_once)
-        elif share > 1:
-            if self._at_once > 1:
-                self._at_once //= 2
-            else:
-                self._part_bits = min(self._part_bits + 1, _MOST_PART_BITS)
+        """How much the next runs do at once; the last ones took a share of the time there is for a turn each."""
+        if self._at_once > 1 and share > 1:
+            self._at_once //= 2
+        elif self._part_bits and share < 0.2 or share > 1:
+            fit = self._part_bits + math.ceil(math.log(max(share, 1e-6), 4))    # parts of a turn each
+            self._part_bits = min(max(fit, 0), _MOST_PART_BITS)
+        elif share < 0.2:
+            self._at_once = min(self._at_once * 2, self.most_at_once)
 
     def advance(self, slices: int) -> None:
         """Add so many slices, or what is left of them, at all pixels."""
+        while self._part:       # what `advance_for` has begun
+            self._advance(self._at_once)
         self._part_bits, goal = 0, min(self.slices_done + slices, self.slices_wanted)
         while self.slices_done < goal:
             self._advance(min(goal - self.slices_done, self.most_at_once))
