@@ -328,6 +328,14 @@ class PassRunner:
 
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
+        variant, inputs, outputs = self.bind(screen_pass, dispatch)
+        if self._traffic is not None:   # one texture may go by two names
+            self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
+        self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
+
+    def bind(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[
+            Variant, dict[str, moderngl.Texture], dict[str, moderngl.Texture]]:
+        """What a dispatch compiles to, and its input and output targets by GLSL name."""
         running = self.running_targets()
         reads, inputs = [], {}
         for name, read in screen_pass.reads.items():
@@ -343,11 +351,9 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
-        if self._traffic is not None:   # one texture may go by two names
-            self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
         variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
-        self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
+        return variant, inputs, outputs
 
     @staticmethod
     def _resolve(read: Read, running: set[str]) -> str:

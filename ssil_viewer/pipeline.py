@@ -124,6 +124,16 @@ class Renderer:
         return self._settings
 
     @property
+    def runner(self) -> PassRunner:
+        """The frame's passes and targets, for tools that run shaders of their own on them after `render`."""
+        return self._runner
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) world position, metres, of the zero of the shaders' world space."""
+        return self._gpu_scene.origin
+
+    @property
     def frame_index(self) -> int:
         """Frames since the history began."""
         return self._runner.frame_index
@@ -253,11 +263,12 @@ class Renderer:
         """The picture: RGBA8, sRGB-encoded, row 0 = bottom."""
         return self._runner.targets.texture("display")
 
-    def present(self, framebuffer: moderngl.Framebuffer) -> None:
-        """Draw `display` over the whole of a framebuffer."""
+    def present(self, framebuffer: moderngl.Framebuffer, picture: moderngl.Texture | None = None,
+                right_of: int = 0) -> None:
+        """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this column on."""
         if self._presenter is None:
             self._presenter = Presenter(self.context)
-        self._presenter.draw(self.display, framebuffer)
+        self._presenter.draw(picture or self.display, framebuffer, right_of)
 
     @property
     def timings(self) -> Timings:

@@ -12,7 +12,8 @@ _WIDTH = 256
 
 
 def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str, *inputs: np.ndarray,
-             declarations: str = "", textures: dict[str, moderngl.Texture] | None = None) -> np.ndarray:
+             declarations: str = "", textures: dict[str, moderngl.Texture] | None = None,
+             defines: tuple[str, ...] = ()) -> np.ndarray:
     """Evaluate a GLSL expression for each row of the inputs.
 
     Args:
@@ -21,6 +22,7 @@ def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str,
         inputs: (N, up to 4) each, padded with zeros.
         declarations: GLSL at file scope.
         textures: Further samplers by name, declared in `declarations`.
+        defines: Names that are defined before the libraries.
 
     Returns:
         (N, 4) float32.
@@ -28,7 +30,8 @@ def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str,
     count = len(inputs[0])
     height = -(-count // _WIDTH)
     names = "abcdef"[:len(inputs)]
-    head = ["#version 330 core", *(f'#include "{name}"' for name in libraries[:-1])]
+    head = ["#version 330 core", *(f"#define {name}" for name in defines),
+            *(f'#include "{name}"' for name in libraries[:-1])]
     lines = [*(f"uniform sampler2D input_{name};" for name in names), "out vec4 stored;", declarations,
              "void main() {", "ivec2 at = ivec2(gl_FragCoord.xy);",
              *(f"vec4 {name} = texelFetch(input_{name}, at, 0);" for name in names),

@@ -16,6 +16,9 @@ from PIL import Image, ImageDraw, ImageFont
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.headless import read_display, render_frames
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.reference.gpu_pictures import ReferencePictures, Scale
+from ssil_viewer.reference.gpu_sums import ProgressiveReference
+from ssil_viewer.reference.whole_image import legend
 from ssil_viewer.scene.load import load_scene
 from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings
@@ -70,6 +73,25 @@ class Studio:
     def values(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer of the last frame."""
         return self._renderer.read(name, level)
+
+    def errors(self, modes: Iterable[str], size: tuple[int, int], scale: Scale) -> list[tuple[str, Image.Image]]:
+        """The error of each visibility mode against R2, as colours, at another size than SIZE."""
+        self._renderer.resize(size)
+        panels, reference, pictures = [], None, None
+        try:
+            for mode in modes:
+                self.render(visibility=mode)
+                if reference is None:       # it does not depend on the mode
+                    reference, pictures = ProgressiveReference(self._renderer, "R2"), ReferencePictures(self._renderer)
+                    reference.advance(reference.slices_wanted)
+                pictures.error(reference, float(reference.read()[self.values("view_depth") > 0].mean()), scale)
+                panels.append((mode, Image.fromarray(pictures.read())))
+        finally:
+            for owned in (reference, pictures):
+                if owned is not None:
+                    owned.release()
+            self._renderer.resize(SIZE)
+        return panels
 
     def close(self) -> None:
         """Free everything."""
@@ -203,6 +225,15 @@ def visibility(studio: Studio) -> Image.Image:
     return tile(panels, 3, (420, 236))
 
 
+def error(studio: Studio) -> Image.Image:
+    """Where the three visibility modes err in the Cornell box."""
+    studio.aim("cornell", "front")
+    scale = Scale(0.5)
+    sheet = tile(studio.errors(("off", "horizon", "voxel"), (427, 240), scale), 3, (321, 360), (107, 0, 321, 240))
+    key = legend(sheet.width, scale, "ours - R2, relative to the mean of R2; irradiance of one bounce")
+    return Image.fromarray(np.concatenate([np.asarray(sheet), key]))
+
+
 def bounces(studio: Studio) -> Image.Image:
     """The first three bounces, each on its own, and their sum."""
     studio.aim("cornell", "front")
@@ -234,7 +265,8 @@ def tone_map(studio: Studio) -> Image.Image:
 PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "hero.png": hero, "shadows.jpg": shadows, "gbuffer.jpg": gbuffer, "direct.jpg": direct, "mipmap.png": mipmap,
     "gather.png": gather, "form-factor.jpg": form_factor, "upsample.jpg": upsample, "temporal.jpg": temporal,
-    "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces, "tone-map.jpg": tone_map,
+    "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces, "error.jpg": error,
+    "tone-map.jpg": tone_map,
 }
 
 

@@ -6,7 +6,7 @@ import functools
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, Protocol, TypeVar
+from typing import Any, Callable, Protocol, TypeVar, get_args
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from ssil_viewer.app import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_control import CameraControl, camera_flags
 from ssil_viewer.app.light_motion import LightMotion
+from ssil_viewer.app.other_settings import OtherSettings
+from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
-from ssil_viewer.app.state import AppState
+from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
-from ssil_viewer.headless import read_display
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.environment import Environment, load_environment
@@ -71,6 +72,8 @@ class Actions:
         self._loader = loader
         self._window = window
         self.benchmark = WindowBenchmark(state, renderer)
+        self.reference = WindowReference(state, renderer)
+        self.other = OtherSettings(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
@@ -123,6 +126,38 @@ class Actions:
         """Show a coarser level of the buffer."""
         self._step_level(1)
 
+    def keep_settings(self) -> None:
+        """Keep the settings of now as B, and show both side by side; or show A alone again."""
+        if self.state.other is None:
+            self.state.other, self.state.reference = self.state.settings, "off"
+            self.state.say("Kept as B: change the settings to see A beside it")
+        else:
+            self.state.other = None
+
+    def swap_settings(self) -> None:
+        """A becomes B and B becomes A."""
+        if self.state.other is not None:
+            self.state.settings, self.state.other = self.state.other, self.state.settings
+
+    def next_reference(self) -> None:
+        """Go round no reference, R1 and R2."""
+        names = get_args(ReferenceKind)
+        self.set_reference(names[(names.index(self.state.reference) + 1) % len(names)])
+
+    def set_reference(self, name: ReferenceKind) -> None:
+        """Compare with a reference, in place of any buffer, or stop comparing."""
+        self.state.reference = name
+        if name != "off":
+            self.state.buffer = None
+
+    def toggle_error(self) -> None:
+        """Show the error against the reference, or the image under its light."""
+        self.state.reference_view = "image" if self.state.reference_view == "error" else "error"
+
+    def toggle_split(self) -> None:
+        """Our picture beside what is shown of the reference, or that alone."""
+        self.state.split_view = not self.state.split_view
+
     def toggle_inspector(self) -> None:
         """Values under the cursor on and off."""
         self.state.inspector = not self.state.inspector
@@ -132,7 +167,7 @@ class Actions:
     @_shows_errors
     def save_image(self) -> None:
         """Write the rendered image, without panels, to the working directory."""
-        self.save_pixels(read_display(self._renderer))
+        self.save_pixels((self.other if self.other.shown else self.reference).read())
 
     def save_window(self) -> None:
         """Write the window with its panels, as soon as this frame is drawn."""

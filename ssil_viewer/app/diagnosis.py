@@ -2,10 +2,49 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from typing import Any, Sequence
 
+import numpy as np
+
+from ssil_viewer.app.state import AppState
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.glsl import ShaderError
+from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Light, Scene
 from ssil_viewer.settings import Settings
+
+_SETTLED = 0.7      # s without a change before the picture is looked at for light
+
+
+class LightWatch:
+    """Looks, once after every change, whether anything in view is lit, and tells the state why there is no light."""
+
+    def __init__(self, state: AppState, renderer: Renderer) -> None:
+        self._state, self._renderer = state, renderer
+        self._last_view: Any = None
+        self._changed_at: float | None = None
+        self._lit: bool | None = None
+
+    def look(self, now: float, view: Any, lights: Sequence[Light]) -> None:
+        """Once a turn.
+
+        Args:
+            now: Seconds.
+            view: Everything that the picture depends on.
+            lights: As the renderer has them.
+        """
+        state = self._state
+        if view != self._last_view:
+            self._last_view, self._changed_at, self._lit = view, now, None
+        elif self._changed_at is not None and now - self._changed_at > _SETTLED:
+            self._changed_at = None
+            buffers = self._renderer.buffers()
+            if "radiance" in buffers and state.settings.bounces:
+                try:
+                    self._lit = bool(np.any(self._renderer.read("radiance", buffers["radiance"].levels[-1]) > 0.0))
+                except (UserError, ShaderError) as error:
+                    state.say(str(error), "error")
+        state.no_indirect = why_no_indirect(state.settings, state.scene, lights, self._lit)
 
 
 def why_no_indirect(settings: Settings, scene: Scene, lights: Sequence[Light], lit: bool | None = None) -> str:

@@ -18,6 +18,8 @@ from ssil_viewer.app.panels import (
     light_markers,
     lights,
     messages,
+    other_settings,
+    reference,
     scene,
     settings,
     timings,
@@ -65,6 +67,9 @@ class Gui:
             if state.timings_visible and not state.help_open:
                 self._timings(top)
             messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software)
+        free = self._panel_width() if state.panels_visible else 0.0
+        reference.draw_overlay(state, self._actions.reference, free, top, bottom)
+        other_settings.draw_overlay(state, self._actions.other, free, top, bottom)
         if state.loading:
             messages.draw_loading(state.loading, top + 0.6 * imgui.get_font_size())
         left = self._panel_width() if state.panels_visible else 0.0
@@ -122,6 +127,11 @@ class Gui:
         self._item("Frame scene", "frame_scene")
         self._item("Reset camera", "reset_camera")
         imgui.separator()
+        self._item("Settings A and B", "keep_settings", self._state.other is not None)
+        self._item("Next reference", "next_reference", self._state.reference != "off")
+        self._item("Error against it", "toggle_error", self._state.reference_view == "error")
+        self._item("Beside our image", "toggle_split", self._state.split_view)
+        imgui.separator()
         self._item("Measure this view", "start_benchmark", self._actions.benchmark.running)
         self._item("Timings", "toggle_timings", self._state.timings_visible)
         self._item("Values under the cursor", "toggle_inspector", self._state.inspector)
@@ -146,6 +156,8 @@ class Gui:
             "Camera": lambda: camera.draw(state, actions),
             "Scene": lambda: self._scene_panel.draw(state, actions, self._renderer.warnings),
             "Buffers": lambda: buffers.draw(state, actions, self._renderer),
+            "Reference": lambda: reference.draw(state, actions),
+            "Settings A and B": lambda: other_settings.draw(state, actions),
             "Benchmark": lambda: benchmark.draw(actions.benchmark, actions),
             "Window": lambda: interface.draw(state, actions, self._renderer.size),
         }

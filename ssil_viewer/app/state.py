@@ -15,6 +15,8 @@ from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
 
+ReferenceKind = Literal["off", "R1", "R2"]
+
 _TOAST_SECONDS = {"info": 4.0, "error": 10.0}
 _MOST_TOASTS = 5
 _FRAMES_KEPT = 30
@@ -58,6 +60,14 @@ class AppState:
         lights: The lights as edited, without their motion.
         buffer: Name of the buffer shown in place of the image, or None.
         level: Mip level of that buffer.
+        other: Settings B, shown right of the divider, or None.
+        reference: Which sum our light is compared with.
+        reference_view: What is shown of it: the image under its light, or our error.
+        split_view: It is shown right of a divider, and our picture left of it; otherwise everywhere.
+        split: Where the divider is, as a share of the window's width.
+        error_limit: Relative error at the end of the colour scale.
+        error_signed: The scale tells too dark from too bright.
+        error_blocks: Errors of means of 8x8 pixels, otherwise of pixels.
         ui_scale: Size of text and panels on top of what the monitor asks for.
         render_scale: Rendered pixels per framebuffer pixel along each side.
         shader_error: What the compiler said at the last reload, or empty.
@@ -79,6 +89,14 @@ class AppState:
     level: int = 0
     inspector: bool = False
     pixel: PixelReading | None = None
+    other: Settings | None = None
+    reference: ReferenceKind = "off"
+    reference_view: Literal["image", "error"] = "image"
+    split_view: bool = True
+    split: float = 0.6
+    error_limit: float = 0.5
+    error_signed: bool = True
+    error_blocks: bool = False
     panels_visible: bool = True
     timings_visible: bool = True
     help_open: bool = False

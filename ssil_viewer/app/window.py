@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import glfw
+import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
 from ssil_viewer.app import theme
 from ssil_viewer.app.actions import Actions
-from ssil_viewer.app.diagnosis import why_no_indirect
+from ssil_viewer.app.diagnosis import LightWatch
 from ssil_viewer.app.glfw_window import GlfwWindow, open_window
 from ssil_viewer.app.gui import Gui
 from ssil_viewer.app.imgui_input import ImguiInput
@@ -22,7 +23,7 @@ from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord
 from ssil_viewer.app.keys import actions as key_actions
 from ssil_viewer.app.pacing import Pacer
 from ssil_viewer.app.scene_loading import SceneLoader
-from ssil_viewer.app.state import AppState, PixelReading
+from ssil_viewer.app.state import AppState, PixelReading, ReferenceKind
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
@@ -37,7 +38,6 @@ _CLICK_SLOP = 4.0          # window units that a click may move
 _READING_INTERVAL = 0.2    # s; each reading waits for the GPU
 _HINT_FRAME = 5            # by then shaders are compiled
 _SLOW_FRAME = 0.5          # s
-_SETTLED = 0.7             # s without a change before the picture is looked at for light
 _INSPECTED = ("final", "direct", "indirect", "albedo", "normal", "view_depth")
 _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
               "shift": (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
@@ -45,7 +45,8 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 
 
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
-               camera: Camera | None = None, frames: int | None = None, vsync: bool = True) -> None:
+               camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
+               reference: ReferenceKind = "off", other: Settings | None = None) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -54,6 +55,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         camera: First view; None takes the scene's default camera.
         frames: Close by itself after so many frames; None waits for the user.
         vsync: Wait for the monitor.
+        reference: What the picture is compared with.
+        other: Settings B, shown beside the picture, unless a reference is.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -61,6 +64,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     window = open_window("SSIL Viewer", size, vsync)
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync)
+        viewer.state.other = other
+        viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None
         try:
@@ -89,6 +94,8 @@ class Viewer:
         self._screen = self._ctx.screen
         self._renderer = Renderer(self._ctx, self._render_size(), settings)
         self._renderer.set_scene(scene)
+        self._sent_settings = settings
+        self._rendered_view: Any = None       # what the last frame shows
         self._sent_lights: tuple[Light, ...] = self.state.lights
         self._sent_buffer: tuple[str | None, int] = (None, 0)
         self._refused_size: Any = None        # with the settings under which it was refused
@@ -110,10 +117,8 @@ class Viewer:
         self._cursor = (0.0, 0.0)
         self._last_click = (-1.0, (0.0, 0.0))
         self._last_reading = 0.0
-        self._changed_at: float | None = None
         self._rendered = False
-        self._last_view: Any = None
-        self._lit: bool | None = None
+        self._light_watch = LightWatch(self.state, self._renderer)
         self._save_window = False
         self._clock = time.perf_counter()
         self._connect()
@@ -128,6 +133,7 @@ class Viewer:
         seconds, self._clock = now - self._clock, now
         self._advance(seconds)
         self._draw_gui(seconds)
+        reference = self.actions.reference
         measuring = self.actions.benchmark.advance()    # then the renderer has settings of its own
         if not measuring:
             self._send()
@@ -145,17 +151,22 @@ class Viewer:
         else:
             self._rendered = False
         self.state.resting = not self._rendered and not measuring
-        self._renderer.present(self._screen)
+        if not measuring and self._rendered_view is not None:
+            reference.follow(self._rendered_view)
+            reference.advance(self.state.continuous or not self._pacer.idle(now), self._rendered)
+        self._present(self._screen)
         self._gui_renderer.render(imgui.get_draw_data(), self._screen)
         self._after_frame(view, measuring)
         self._window.swap_buffers()
-        if not self._rendered and not measuring and self._pacer.idle(now):
+        if not self._rendered and not measuring and not reference.working and self._pacer.idle(now):
             self._window.wait(_IDLE_WAIT)
 
     def release(self) -> None:
         """Give everything back that hangs on the OpenGL context."""
         self._gui_renderer.release()
         imgui.destroy_context(self._imgui)
+        self.actions.reference.release()
+        self.actions.other.release()
         self._renderer.release()
 
     # What actions need of the window
@@ -204,12 +215,14 @@ class Viewer:
         """Bring the renderer to the state; what it refuses is taken back and reported."""
         state, renderer = self.state, self._renderer
         self._resize()
+        wanted = self.actions.reference.settings(state.settings)
         try:
-            if renderer.settings != state.settings:
-                renderer.set_settings(state.settings)
+            if renderer.settings != wanted:
+                renderer.set_settings(wanted)
+            self._sent_settings = state.settings
         except UserError as error:
             state.say(str(error), "error")
-            state.settings = renderer.settings
+            state.settings, state.reference = self._sent_settings, "off"
         try:
             renderer.set_environment(state.scene.environment)
         except UserError as error:
@@ -251,9 +264,11 @@ class Viewer:
     def _render(self, view: Any) -> None:
         """One frame; after an error the last picture stays, or is drawn again."""
         state, renderer = self.state, self._renderer
+        self.actions.other.render(state.camera.camera())
         try:
             renderer.render(state.camera.camera())
             self._shown = (state.settings, state.buffer, state.level)
+            self._rendered_view = view
         except UserError as error:  # no memory for shadow maps, for one
             state.say(str(error), "error")
         except ShaderError as error:
@@ -275,8 +290,9 @@ class Viewer:
     def _look(self) -> Any:
         """Everything that the picture depends on."""
         state = self.state
-        return (state.settings, self._sent_lights, self._sent_buffer, self._renderer.size, state.camera.camera(),
-                state.scene, state.shader_generation, self.actions.benchmark.runs)
+        return (self._renderer.settings, self._sent_lights, self._sent_buffer, self._renderer.size,
+                state.camera.camera(), state.scene, state.shader_generation, self.actions.benchmark.runs,
+                state.other if self.actions.other.on else None)
 
     def _after_frame(self, view: Any, measuring: bool) -> None:
         if self._save_window:
@@ -292,13 +308,13 @@ class Viewer:
             except (UserError, ShaderError) as error:
                 self.state.pixel, self.state.inspector = None, False
                 self.state.say(str(error), "error")
-        self._look_for_light(now, view)
+        self._light_watch.look(now, view, self._sent_lights)
 
     def _window_pixels(self) -> np.ndarray:
         """(H, W, 3) uint8, row 0 = top: what the window shows, drawn once more where it can be read."""
         width, height = self._window.buffer_size
         target = self._ctx.simple_framebuffer((width, height), 4)
-        self._renderer.present(target)
+        self._present(target)
         self._gui_renderer.render(imgui.get_draw_data(), target)
         pixels = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(height, width, 3)[::-1]
         self._screen.use()
@@ -306,20 +322,11 @@ class Viewer:
         target.release()
         return pixels
 
-    def _look_for_light(self, now: float, view: Any) -> None:
-        """Once after every change, when the view has settled: is anything in view lit?"""
-        state = self.state
-        if view != self._last_view:
-            self._last_view, self._changed_at, self._lit = view, now, None
-        elif self._changed_at is not None and now - self._changed_at > _SETTLED:
-            self._changed_at = None
-            buffers = self._renderer.buffers()
-            if "radiance" in buffers and state.settings.bounces:
-                try:
-                    self._lit = bool(np.any(self._renderer.read("radiance", buffers["radiance"].levels[-1]) > 0.0))
-                except (UserError, ShaderError) as error:
-                    state.say(str(error), "error")
-        state.no_indirect = why_no_indirect(state.settings, state.scene, self._sent_lights, self._lit)
+    def _present(self, framebuffer: moderngl.Framebuffer) -> None:
+        self._renderer.present(framebuffer)
+        if not self.actions.benchmark.running:
+            self.actions.reference.present(framebuffer)
+            self.actions.other.present(framebuffer)
 
     def _read_pixel(self) -> PixelReading | None:
         if imgui.get_io().want_capture_mouse:

@@ -55,6 +55,14 @@ def add_flags(parser: Parser) -> None:
                        help="R3 takes no more samples after so long, for irradiance and image each; default 120")
     group.add_argument("--bounce-series", action="store_true",
                        help="also compare the image after 0 to 4 bounces with all light of the path tracer")
+    group.add_argument("--on-gpu", action="store_true",
+                       help="make R1 and R2 by OpenGL, of all pixels, R2 without embreex; slow on software OpenGL")
+    group.add_argument("--heat-map", metavar="FILE", help="write the error of irradiance against R2, or R1 without "
+                       "it, as a picture with its scale, .png; implies --on-gpu")
+    group.add_argument("--heat-map-range", type=values.real("--heat-map-range", 0.001, 100), default=0.5, metavar="X",
+                       help="error at the end of the colours, over the reference's mean; default 0.5")
+    group.add_argument("--heat-map-colors", choices=("signed", "absolute"), default="signed",
+                       help="signed: blue is too dark and red too bright; default signed")
     group.add_argument("--pictures", metavar="FILE", help="write the compared images, linear, to an .npz file")
     add_image_flags(parser, f"frames rendered before the result is taken, default {FRAMES}")
 
@@ -63,12 +71,18 @@ def run(args: argparse.Namespace) -> None:
     """Compares, prints tables, and writes files."""
     target = output.check_target(args.json, (".json",)) if args.json not in (None, "-") else None
     pictures = output.check_target(args.pictures, (".npz",)) if args.pictures else None
+    heat_map = output.check_target(args.heat_map, (".png",)) if args.heat_map else None
     references = _references(args.reference)
+    if heat_map is not None and not {"R1", "R2"} & set(references):
+        raise UserError("a heat map shows the error against R1 or R2", "--heat-map", "name one of them in --reference")
     settings = shared.settings_of(args)
 
     from ssil_viewer.reference.compare import Effort, compare
+    from ssil_viewer.reference.gpu_pictures import Scale
 
-    effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time))
+    scale = Scale(args.heat_map_range, args.heat_map_colors == "signed") if heat_map is not None else None
+    effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time),
+                    args.on_gpu or scale is not None, scale)
     scene = shared.load(args)
     camera = shared.camera_of(args, scene)
     with _progress() as heard:
@@ -89,6 +103,8 @@ def run(args: argparse.Namespace) -> None:
         print_tables(done)
     if target is not None:
         output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
+    if heat_map is not None and done.heat_map is not None:
+        output.write_png(heat_map, done.heat_map)
     if pictures is not None:
         output.write_npz(pictures, done.pictures)
 
@@ -144,6 +160,9 @@ def print_tables(done: Comparison) -> None:
     table("irradiance of one bounce", ("bias", "relative RMSE", "correlation"), [
         (name, _share(x["bias"]), _number(x["relative_rmse"]), _number(x["correlation"]))
         for name, x in result["irradiance"].items()])
+    table("irradiance of the whole image", ("bias", "relative RMSE", "correlation"), [
+        (name, _share(x["bias"]), _number(x["relative_rmse"]), _number(x["correlation"]))
+        for name, x in result.get("whole_image", {}).items()])
     table("what the error consists of", ("relative RMSE",), [
         (_MEANINGS[name], _number(value)) for name, value in result["differences"].items()])
     table("image against R3", ("relative RMSE", "FLIP"), [

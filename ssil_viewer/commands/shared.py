@@ -17,7 +17,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import load_environment
 from ssil_viewer.scene.light_file import load_lights, with_lights
 from ssil_viewer.scene.model import Camera, Scene
-from ssil_viewer.settings import Settings, knobs, load_preset, load_settings
+from ssil_viewer.settings import Settings, knobs, load_preset, load_settings, presets
 
 _WARNINGS_SHOWN = 8
 _LEVEL_SETTINGS = {"start_level", "levels"}
@@ -39,6 +39,15 @@ def settings_of(args: argparse.Namespace) -> Settings:
     settings = settings.replaced(flags)
     check_fits(args.size, settings, sources | dict.fromkeys(_LEVEL_SETTINGS & flags.keys(), ""))
     return settings
+
+
+def preset_or_file(name: str) -> Settings:
+    """The settings of a shipped preset or, where none has that name, of a file, over the defaults.
+
+    Raises:
+        UserError: There is no such preset or file, or it is bad.
+    """
+    return load_preset(name) if name in presets() else load_settings(Path(name))
 
 
 def _and_sources(settings: Settings, base: Settings, source: str, sources: dict[str, str]) -> Settings:

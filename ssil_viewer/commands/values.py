@@ -58,6 +58,18 @@ def whole(flag: str, low: int, high: int) -> Callable[[str], int]:
     return read
 
 
+def real(flag: str, low: float, high: float) -> Callable[[str], float]:
+    """A function that reads a number between two limits."""
+
+    def read(text: str) -> float:
+        value = number(text)
+        if value is None or not low <= value <= high:
+            raise UserError(f"cannot use {text!r}", flag, f"give a number from {low:g} to {high:g}")
+        return float(value)
+
+    return read
+
+
 def size(text: str) -> tuple[int, int]:
     """Reads WxH."""
     match = re.fullmatch(r"\s*([0-9]{1,9})[xX]([0-9]{1,9})\s*", text)

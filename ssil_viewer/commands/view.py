@@ -17,19 +17,26 @@ EPILOG = "The keys and the mouse are explained in the window: press F1."
 def add_flags(parser: Parser) -> None:
     """What the command takes."""
     add_scene(parser, "builtin:atrium")
+    group = parser.add_argument_group("comparing")
+    group.add_argument("--reference", choices=("R1", "R2"), help="compare with the sum over all pixels, or with its "
+                       "part that rays see, which converges in the window (R)")
+    group.add_argument("--settings-b", metavar="NAME|FILE", help="settings B, shown right of a divider: a preset or a "
+                       "TOML file (Ctrl+B)")
     add_image_flags(parser, "close the window after this many frames; default: when you close it")
 
 
 def run(args: argparse.Namespace) -> None:
     """Opens the window and returns when it is closed."""
     settings = shared.settings_of(args)
+    other = shared.preset_or_file(args.settings_b) if args.settings_b is not None else None
     scene = shared.load(args)
     camera = shared.camera_of(args, scene)
     check_display()
 
     from ssil_viewer.app.window import run_window
 
-    run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames)
+    run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
+               reference=args.reference or "off", other=other)
 
 
 def check_display() -> None:

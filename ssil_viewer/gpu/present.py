@@ -17,13 +17,20 @@ class Presenter:
         self._program = compile_program(context, vertex, expand("debug/present.frag.glsl", "#version 330 core"))
         self._array = context.vertex_array(self._program, [])
 
-    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer) -> None:
-        """Stretch `picture` over `framebuffer`, texel by texel when the sizes agree."""
+    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: int = 0) -> None:
+        """Stretch `picture` over `framebuffer`, texel by texel when the sizes agree.
+
+        Args:
+            right_of: Columns at the left that keep what they show.
+        """
         self._context.enable_only(moderngl.NOTHING)
+        width, height = framebuffer.size
+        framebuffer.scissor = (right_of, 0, width - right_of, height) if right_of else None
         framebuffer.use()
         picture.use(0)
         self._program["target_size"].value = framebuffer.size
         self._array.render(moderngl.TRIANGLES, 3)
+        framebuffer.scissor = None
 
     def release(self) -> None:
         """Free program and vertex array."""

@@ -16,9 +16,12 @@ from ssil_viewer.headless import DEFAULT_SIZE, render_frames
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference import metrics
 from ssil_viewer.reference.all_pixels import Surfaces, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.gpu_pictures import Scale
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
+from ssil_viewer.reference.triangles import LIFT
+from ssil_viewer.reference.whole_image import sum_whole_image
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings
@@ -26,9 +29,6 @@ from ssil_viewer.settings import Settings
 REFERENCES = ("R1", "R2", "R3")
 BLOCK = 8
 """Side of the squares of pixels whose means are compared."""
-
-LIFT = 3e-4
-"""Of the view depth, by which receivers stand off their surface towards the camera; see `occluders.LIFT`."""
 
 _RAYS_OF_PASS = 36
 _SPP_OF_PASS = 4
@@ -48,6 +48,8 @@ class Effort:
         rays: Of R2, for each pixel.
         path_rays: Of R3's irradiance, for each pixel.
         spp: Samples per pixel of R3's image.
+        on_gpu: R1 and R2 are made by the GPU, of the whole image; R2 needs no Embree then.
+        heat_map: Colours of a picture of the error against R2, or R1 without it; on the GPU only.
         seconds: Mitsuba takes no further samples after so long, for the irradiance and for the image.
     """
 
@@ -57,6 +59,8 @@ class Effort:
     path_rays: int = 144
     spp: int = 64
     seconds: float = 120.0
+    on_gpu: bool = False
+    heat_map: Scale | None = None
 
 
 @dataclass
@@ -66,12 +70,15 @@ class Comparison:
     Attributes:
         result: As JSON has it; see docs/compare.md.
         warnings: References that could not be made, and what Mitsuba approximates.
-        pictures: Name -> (H, W, 3) float32 linear: "ssil", "direct_only", "constant_ambient", "R3", where they exist.
+        heat_map: (H, W, 3) uint8, the error as colours, with their scale; None unless asked for.
+        pictures: Name -> (H, W, 3) float32 linear: "ssil", "direct_only", "constant_ambient", "R3", where they exist;
+            with R1 and R2 on the GPU irradiance, too: "irradiance", "irradiance_R1", "irradiance_R2".
     """
 
     result: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
+    heat_map: np.ndarray | None = None
 
 
 def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
@@ -182,6 +189,8 @@ class _Comparing:
         wanted = [name for name in ("R1", "R2") if name in self._effort.references]
         if not wanted or not len(self._rows):
             return {}
+        if self._effort.on_gpu:
+            return self._sums_on_gpu(renderer, wanted)
         level = self._settings.start_level
         senders, radiance = read_surfaces(renderer, self._camera, level), renderer.read("radiance", level)
         occluders = self._occluders() if "R2" in wanted else None
@@ -207,11 +216,25 @@ class _Comparing:
             self._done.result["seconds"][name] = round(time.perf_counter() - begun, 2)
         return {name: (np.concatenate(part) * self._occlusion).mean((1, 2)) for name, part in parts.items() if part}
 
+    def _sums_on_gpu(self, renderer: Renderer, wanted: list[str]) -> dict[str, np.ndarray]:
+        begun, effort = time.perf_counter(), self._effort
+        whole = sum_whole_image(renderer, wanted, effort.rays, BLOCK, effort.heat_map,
+                                lambda share: self._progress(" and ".join(wanted), share))
+        result = self._done.result
+        result["whole_image"] = whole.agreement
+        result["seconds"] |= dict.fromkeys(wanted, round(time.perf_counter() - begun, 2))
+        self._done.heat_map = whole.heat_map
+        self._done.pictures |= {"irradiance": whole.ours} | {
+            f"irradiance_{name}": image for name, image in whole.references.items()}
+        return {name: image[self._rows, self._columns].mean((1, 2), dtype=np.float64)
+                for name, image in whole.references.items()}
+
     def _occluders(self):
         try:
             from ssil_viewer.reference.occluders import Occluders
         except ImportError:
-            self._done.warnings.append("R2 is left out: embreex is not installed: pip install 'ssil-viewer[reference]'")
+            self._done.warnings.append("R2 is left out: embreex is not installed: pip install "
+                                       "'ssil-viewer[reference]', or take --on-gpu")
             return None
         return Occluders(self._scene, self._camera)
 

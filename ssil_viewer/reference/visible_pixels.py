@@ -8,13 +8,13 @@ drawn with probability proportional to what they would send, stratified over the
 is a patch of the image. What the hidden ones among them would have sent is taken off the exact unoccluded sum:
 unbiased, and equal to R1 where nothing is hidden.
 
-**Where rays end.** At points that the camera sees, nearer to it by `occluders.LIFT` of their depth: nothing lies in
+**Where rays end.** At points that the camera sees, nearer to it by `triangles.LIFT` of their depth: nothing lies in
 between, whatever a normal map says. A receiver is a pixel's centre. A coarse texel's centre is made up by the mipmaps
 and can lie inside of a wall; rays end at the nearest of the texel's pixels instead. No distance is left out at either
 end.
 
 **What blocks.** Every triangle of every instance, from both sides, but for the holes of masked ones
-(`occluders.py`).
+(`triangles.py`).
 
 **Time.** 60 blocks of 8x8 pixels with senders of level 2 at 1280x720: 3 to 10 s on two cores, half of it for R1.
 """

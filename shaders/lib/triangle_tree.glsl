@@ -1,0 +1,93 @@
+// Rays against the triangles of a scene: what reference/triangle_tree.py builds and reference/gpu_triangles.py uploads.
+// Tables are rows of TABLE_WIDTH texels. MASKED: some triangles have holes.
+
+const int TABLE_BITS = 12;
+const int TABLE_WIDTH = 1 << TABLE_BITS;
+
+vec4 fetch_row_major(sampler2D table, int index) {
+    return texelFetch(table, ivec2(index & (TABLE_WIDTH - 1), index >> TABLE_BITS), 0);
+}
+
+// Where a ray from `from` along `along` meets a triangle: (distance over the length of `along`, barycentric u, v).
+// A third below 0: it does not. Edges belong to both of their triangles, so that no ray slips through between them.
+// Source: Moeller and Trumbore 1997.
+vec3 meet_triangle(vec3 from, vec3 along, vec3 corner, vec3 edge_u, vec3 edge_v) {
+    const float EDGE = 1e-6;
+    const vec3 MISSED = vec3(0.0, 0.0, -1.0);
+    vec3 p = cross(along, edge_v);
+    float determinant = dot(edge_u, p);
+    if (determinant == 0.0) return MISSED;
+    float inverse = 1.0 / determinant;
+    vec3 offset = from - corner;
+    float u = dot(offset, p) * inverse;
+    vec3 q = cross(offset, edge_u);
+    float v = dot(along, q) * inverse;
+    float at = dot(edge_v, q) * inverse;
+    bool hit = u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && at > 0.0 && at < 1.0;
+    return hit ? vec3(at, u, max(v, 0.0)) : MISSED;
+}
+
+#ifdef MASKED
+int wrapped_texel(float coordinate, int count, int wrap) {
+    int texel = int(floor(coordinate * float(count)));
+    if (wrap == 1) return clamp(texel, 0, count - 1);
+    int period = wrap == 2 ? 2 * count : count;
+    texel -= period * int(floor(float(texel) / float(period)));
+    return wrap == 2 ? min(texel, 2 * count - 1 - texel) : texel;
+}
+
+// Whether a masked triangle has a hole at barycentric coordinates; three texels for each in `corners`, two for each mask
+// in `masks` (reference/gpu_triangles.py).
+bool is_hole(sampler2D corners, sampler2D masks, sampler2D alphas, int triangle, float u, float v) {
+    vec4 a = fetch_row_major(corners, triangle * 3);
+    vec4 b = fetch_row_major(corners, triangle * 3 + 1);
+    vec4 c = fetch_row_major(corners, triangle * 3 + 2);
+    vec3 here = a.xyz * (1.0 - u - v) + b.xyz * u + c.xyz * v;     // texture coordinates, alpha
+    vec4 image = fetch_row_major(masks, int(a.w) * 2);              // first row of `alphas`, width, height, cutoff
+    vec4 wraps = fetch_row_major(masks, int(a.w) * 2 + 1);
+    if (image.y > 0.0) {
+        int width = int(image.y);
+        int texel = wrapped_texel(here.x, width, int(wraps.x)) + width * wrapped_texel(here.y, int(image.z), int(wraps.y));
+        here.z *= fetch_row_major(alphas, int(image.x) * TABLE_WIDTH + texel).r;
+    }
+    return here.z < image.w;
+}
+#endif
+
+// Whether a triangle lies between two points. Space: that of the triangles.
+bool triangles_block(sampler2D nodes, sampler2D triangles,
+#ifdef MASKED
+                     sampler2D corners, sampler2D masks, sampler2D alphas,
+#endif
+                     int node_count, vec3 from, vec3 to) {
+    vec3 along = to - from;
+    vec3 held = mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20)));
+    vec3 inverse = 1.0 / held;
+    int node = 0;
+    while (node < node_count) {
+        vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
+        vec3 one = (low.xyz - from) * inverse, other = (high.xyz - from) * inverse;
+        vec3 nearer = min(one, other), farther = max(one, other);
+        float enter = max(max(nearer.x, nearer.y), max(nearer.z, 0.0));
+        float leave = min(min(farther.x, farther.y), min(farther.z, 1.0));
+        if (enter > leave) {
+            node = int(low.w);
+            continue;
+        }
+        node += 1;
+        if (high.w < 0.0) continue;
+        for (int triangle = int(high.w); ; ++triangle) {
+            vec4 corner = fetch_row_major(triangles, triangle * 3);
+            vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
+            vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
+#ifdef MASKED
+            if (met.z >= 0.0 && (corner.w < 0.0 || !is_hole(corners, masks, alphas, int(corner.w), met.y, met.z)))
+                return true;
+#else
+            if (met.z >= 0.0) return true;
+#endif
+            if (edge_u.w > 0.0) break;      // the last one of its leaf
+        }
+    }
+    return false;
+}
