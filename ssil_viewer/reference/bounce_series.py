@@ -25,7 +25,8 @@ _SPP_OF_PASS = 4
 
 def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, camera: Camera, frames: int, spp: int,
                   seconds: float, progress: Progress = lambda what, share: None,
-                  trace: Trace = path_trace, context: moderngl.Context | None = None) -> tuple[list[dict[str, Any]], list[str]]:
+                  trace: Trace = path_trace,
+                  context: moderngl.Context | None = None) -> tuple[list[dict[str, Any]], list[str]]:
     """The image after each number of bounces, 0 to 4, against all light, over means of 8x8 pixels without background.
 
     Args:

@@ -75,15 +75,15 @@ def bounces_verdict(means: Sequence[float], fed_back: float, errors: Sequence[fl
 
     Args:
         means: With 0, 1, 2 ... bounces.
-        errors: Against all light with 0, 1 ... bounces; empty without a path tracer. More than one bounce must err less.
+        errors: Against all light with 0, 1 ... bounces, which must fall; empty without a path tracer.
     """
     gains = np.diff(means)
     held = bool((gains > 0).all() and (np.diff(gains) < 0).all() and fed_back > means[2])
     why = (f"the bounces bring {', '.join(f'{gain:.3g}' for gain in gains)} W m^-2 sr^-1 in turn, and light fed back "
            f"ends at {fed_back:.3g} (four bounces: {means[-1]:.3g})")
     if errors:
-        why += f"; the error against all light is {percent(errors[1])} with one bounce and {percent(errors[-1])} with "
-               "four"
+        why += (f"; the error against all light is {percent(errors[1])} with one bounce and {percent(errors[-1])} with "
+                "four")
         held &= errors[-1] < errors[1] < errors[0]
     return (HOLDS if held else FAILS), why
 

@@ -69,7 +69,8 @@ def _data(result: Result) -> dict[str, Any]:
     claim, finding = result.claim, result.finding
     return {"id": claim.id, "title": claim.title, "verdict": finding.verdict, "why": finding.why,
             "criterion": claim.criterion, "figures": finding.figures, "notes": list(finding.notes),
-            "tables": [{"title": table.title, "headers": table.headers, "rows": table.rows} for table in finding.tables],
+            "tables": [{"title": table.title, "headers": table.headers, "rows": table.rows}
+                       for table in finding.tables],
             "charts": [{"name": chart.name, "x": chart.x_label, "y": chart.y_label, "lines": [
                 {"label": line.label, "points": line.points, "marks": line.marks} for line in chart.lines]}
                 for chart in finding.charts]}
@@ -116,21 +117,21 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
         "<title>Real-time indirect illumination, measured</title>",
         f"<style>{_STYLE.read_text(encoding='utf-8')}</style>", "</head>", "<body>", "<header>",
         "<h1>A deferred shading pipeline for real-time indirect illumination, measured</h1>",
-        '<p class="lead">The claims of the SIGGRAPH 2010 talk by Soler, Hoel and Rochet, each measured by ssil-viewer on '
-        f"one machine. Of {len(results)} claims {held} hold, {failed} {'does' if failed == 1 else 'do'} not, and "
+        '<p class="lead">The claims of the SIGGRAPH 2010 talk by Soler, Hoel and Rochet, each measured by ssil-viewer '
+        f"on one machine. Of {len(results)} claims {held} hold, {failed} {'does' if failed == 1 else 'do'} not, and "
         f"{len(results) - held - failed} cannot be seen here.</p>", "</header>",
         "<main>", _summary(results), "<h3>Machine and settings</h3>", _list(head.items())]
     if not drawn and any(result.finding.charts for result in results):
         parts.append('<p class="soft">This report has no plots: they take matplotlib (pip install matplotlib).</p>')
     parts += [_section(result, pictures, drawn) for result in results]
-    parts += ["</main>", '<footer><p class="soft">The numbers are in data.json, each table in a CSV file and each picture '
-              "in a file of its own beside this page.</p></footer>", "</body>", "</html>", ""]
+    parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file of '
+              "its own beside this page.</p></footer>", "</body>", "</html>", ""]
     return "\n".join(parts)
 
 
 def _summary(results: Sequence[Result]) -> str:
-    rows = "".join(f'<tr><td><a href="#{escape(r.claim.id)}">{escape(r.claim.id)}</a></td><td>{escape(r.claim.title)}</td>'
-                   f"<td>{_verdict(r)}</td><td>{escape(_sentence(r.finding.why))}</td></tr>" for r in results)
+    rows = "".join(f'<tr><td><a href="#{escape(r.claim.id)}">{escape(r.claim.id)}</a></td>'
+                   f"<td>{escape(r.claim.title)}</td><td>{_verdict(r)}</td><td>{escape(_sentence(r.finding.why))}</td></tr>" for r in results)
     return ('<div class="wide"><table class="text"><thead><tr><th>claim</th><th>of the talk</th><th>verdict</th>'
             f"<th>measured</th></tr></thead><tbody>{rows}</tbody></table></div>")
 

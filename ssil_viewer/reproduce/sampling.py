@@ -97,11 +97,12 @@ def equal_time(lab: Lab) -> Finding:
                   (*lines, Line("Pareto front", tuple((one.ms, one.error) for one in front))),
                   f"Each point is a single frame without the temporal filter; numbers are samples. {lab.clock}.",
                   log_x=True, log_y=True)
-    return Finding(verdict, why, {"candidates": [
+    figures = {"candidates": [
         {"start_level": one.settings.start_level, "levels": one.settings.levels, "samples": one.settings.samples,
-         "total_ms": one.ms, "relative_rmse": one.error, "on_front": one in front} for one in found]}, (table,), (chart,),
-        notes=("All candidates reach equally far: their last level is the same. The error counts every pixel, so noise "
-               "is in it; what all of them get wrong alike (rings, off-screen light) is not removed.",))
+         "total_ms": one.ms, "relative_rmse": one.error, "on_front": one in front} for one in found]}
+    return Finding(verdict, why, figures, (table,), (chart,), notes=(
+        "All candidates reach equally far: their last level is the same. The error counts every pixel, so noise "
+        "is in it. What all of them get wrong alike, the rings for one, is in it, too.",))
 
 
 def equal_time_verdict(found: list[Candidate]) -> tuple[str, str]:
@@ -153,8 +154,8 @@ def form_factor(lab: Lab) -> Finding:
     table = Table(f"Mean irradiance and its variance over seeds, single frames as shown; {lab.where}; {seeds} seeds at "
                   f"{few} samples, 2 above", ("samples, spacing, form factor", "mean", "variance", "noise / mean",
                                               "largest"), tuple(rows))
-    return Finding(verdict, why, {"means_apart": {str(n): value for n, value in apart.items()}, "variance_ratio": ratio},
-                   (table,), pictures=(_form_factor_picture(lab),), notes=(
+    figures = {"means_apart": {str(n): value for n, value in apart.items()}, "variance_ratio": ratio}
+    return Finding(verdict, why, figures, (table,), pictures=(_form_factor_picture(lab),), notes=(
         "The disc stands for all that a sample stands for, so at few samples it bounds what comes from close by and "
         "darkens contacts; the difference goes as samples grow. With samples even in radius, this program's default, "
         "the disc is that of one texel, and the two forms hardly differ.",))

@@ -50,8 +50,8 @@ def voted_mips(lab: Lab) -> Finding:
                                       sharp=True), "Normals: the image's own, and level 4 of the pyramid under each "
                       "filter.", "Normals in false colours; voted mipmaps keep columns whole, nearest ones break them.",
                       sharp=True)
-    return Finding(verdict, why, {"vote_over_nearest": {f"{step:g}": ratio for step, ratio in ratios.items()}}, (table,),
-                   pictures=(picture,))
+    figures = {"vote_over_nearest": {f"{step:g}": ratio for step, ratio in ratios.items()}}
+    return Finding(verdict, why, figures, (table,), pictures=(picture,))
 
 
 def vote_verdict(ratios: dict[float, float]) -> tuple[str, str]:
@@ -169,8 +169,9 @@ def reprojection(lab: Lab) -> Finding:
         # The running mean has settled by then
         found[temporal] = flicker(renderer, studio.camera, 0.5, lab.pick(5, 9), lab.pick(16, 32) if temporal else 0)
     light = float(studio.values("indirect").mean())
-    verdict, why = reprojection_verdict(found[True] / found[False], max(shares), max(costs.values()) / min(costs.values()))
-    tables = (Table(f"Change of a surface point's irradiance from frame to frame, over the mean, under a pan of half a "
+    spread = max(costs.values()) / min(costs.values())
+    verdict, why = reprojection_verdict(found[True] / found[False], max(shares), spread)
+    tables = (Table("Change of a surface point's irradiance from frame to frame, over the mean, under a pan of half a "
                     f"pixel a frame; {lab.where}", ("temporal filter", "flicker"),
                     (("off", percent(found[False] / light, 2)), ("on", percent(found[True] / light, 2)))),
               Table(lab.timed("The temporal pass, ms"), ("start, levels, samples, visibility", "temporal",
