@@ -7,6 +7,7 @@ import io
 import re
 from typing import Any
 
+from ssil_viewer.measure.plots import at_least_a_decade
 from ssil_viewer.reproduce.claim import Chart, Line
 
 _INCHES = (6.4, 3.8)
@@ -46,6 +47,8 @@ def _draw(axes: Any, chart: Chart) -> None:
         axes.set_yscale("log")
     for color, line in zip(_COLORS, chart.lines):
         _draw_line(axes, line, color)
+    if chart.log_y:
+        at_least_a_decade(axes)
     for axis, logarithmic in ((axes.xaxis, chart.log_x), (axes.yaxis, chart.log_y)):
         if logarithmic:
             axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -71,6 +74,9 @@ def _draw_line(axes: Any, line: Line, color: str) -> None:
         axes.bar(x, y, color=color, width=0.6)
         axes.set_xticks(x, line.marks, rotation=30, ha="right")
         return
-    axes.plot(x, y, "o-" if line.joined else "o", color=color, label=line.label, markersize=4, linewidth=1.3)
+    if line.faint:
+        axes.plot(x, y, "--", color="0.6", label=line.label, linewidth=5, alpha=0.5, zorder=0)
+        return
+    axes.plot(x, y, "o-", color=color, label=line.label, markersize=4, linewidth=1.3)
     for at, mark in zip(line.points, line.marks):
         axes.annotate(mark, at, xytext=(4, 4), textcoords="offset points", fontsize=7, color=color)

@@ -41,16 +41,16 @@ class Line:
 
     Attributes:
         points: (x, y) in the order in which they are joined.
-        joined: Draw a line between them.
         marks: A text beside each point, or none at all.
         bars: Vertical bars from zero instead, at places named by `marks`.
+        faint: Dashed, behind the others.
     """
 
     label: str
     points: tuple[tuple[float, float], ...]
-    joined: bool = True
     marks: tuple[str, ...] = ()
     bars: bool = False
+    faint: bool = False
 
 
 @dataclass(frozen=True)

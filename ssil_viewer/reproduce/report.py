@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 from html import escape
 from pathlib import Path
 from typing import Any, Iterable, Mapping, Sequence
@@ -21,6 +22,7 @@ _CLASSES = {HOLDS: "holds", FAILS: "fails", UNSEEN: "unseen"}
 _SIGNS = {HOLDS: "✓", FAILS: "✗", UNSEEN: "○"}
 _STYLE = Path(__file__).with_name("page.css")
 _JPEG_QUALITY = 90
+_CODE, _RAISED = re.compile(r"`([^`]+)`"), re.compile(r"\^(-?[0-9]+)")
 
 
 def is_report(folder: Path) -> bool:
@@ -124,14 +126,15 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
     if not drawn and any(result.finding.charts for result in results):
         parts.append('<p class="soft">This report has no plots: they take matplotlib (pip install matplotlib).</p>')
     parts += [_section(result, pictures, drawn) for result in results]
-    parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file of '
-              "its own beside this page.</p></footer>", "</body>", "</html>", ""]
+    parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file '
+              "of its own beside this page.</p></footer>", "</body>", "</html>", ""]
     return "\n".join(parts)
 
 
 def _summary(results: Sequence[Result]) -> str:
     rows = "".join(f'<tr><td><a href="#{escape(r.claim.id)}">{escape(r.claim.id)}</a></td>'
-                   f"<td>{escape(r.claim.title)}</td><td>{_verdict(r)}</td><td>{escape(_sentence(r.finding.why))}</td></tr>" for r in results)
+                   f"<td>{escape(r.claim.title)}</td><td>{_verdict(r)}</td><td>{_prose(_sentence(r.finding.why))}</td>"
+                   "</tr>" for r in results)
     return ('<div class="wide"><table class="text"><thead><tr><th>claim</th><th>of the talk</th><th>verdict</th>'
             f"<th>measured</th></tr></thead><tbody>{rows}</tbody></table></div>")
 
@@ -140,19 +143,25 @@ def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, 
     claim, finding = result.claim, result.finding
     parts = [f'<section id="{escape(claim.id)}">', f"<h2>{escape(claim.id)}. {escape(claim.title)}</h2>",
              f'<p class="finding {_CLASSES[finding.verdict]}">{_verdict(result)}<span>: '
-             f"{escape(_sentence(finding.why, first=False))}</span></p>",
+             f"{_prose(_sentence(finding.why, first=False))}</span></p>",
              _list((("the talk says", claim.says), ("measured", claim.method), ("it holds if", claim.criterion)))]
     parts += [_table(table) for table in finding.tables]
     plots = [(chart, drawn.get(f"{claim.id}-{chart.name}.svg")) for chart in finding.charts]
     if any(svg for _, svg in plots):
         parts += ['<div class="charts">', *(
-            f'<figure><div role="img" aria-label="{escape(chart.title)}">{svg}</div><figcaption>{escape(chart.caption)}'
+            f'<figure><div role="img" aria-label="{escape(chart.title)}">{svg}</div><figcaption>{_prose(chart.caption)}'
             "</figcaption></figure>" for chart, svg in plots if svg), "</div>"]
     parts += [_figure(picture, _picture_name(result, picture), pictures) for picture in finding.pictures]
-    parts += [f'<p class="soft">{escape(note)}</p>' for note in finding.notes]
+    parts += [f'<p class="soft">{_prose(note)}</p>' for note in finding.notes]
     commands = (f"ssil-viewer reproduce -o report --claims {claim.id}", *claim.commands)
     parts += ["<h3>To see it again</h3>", *(f"<p><code>{escape(line)}</code></p>" for line in commands), "</section>"]
     return "\n".join(parts)
+
+
+def _prose(text: str) -> str:
+    """Text as HTML: `code`, raised exponents, and no line that begins with a per cent sign."""
+    text = _RAISED.sub(r"<sup>\1</sup>", _CODE.sub(r"<code>\1</code>", escape(text)))
+    return text.replace(" %", "&nbsp;%")
 
 
 def _verdict(result: Result) -> str:
@@ -161,13 +170,13 @@ def _verdict(result: Result) -> str:
 
 
 def _list(items: Iterable[tuple[str, Any]]) -> str:
-    return "<dl>" + "".join(f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>" for name, value in items) + "</dl>"
+    return "<dl>" + "".join(f"<dt>{escape(name)}</dt><dd>{_prose(str(value))}</dd>" for name, value in items) + "</dl>"
 
 
 def _table(table: Table) -> str:
-    headers = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.headers)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
-    return (f'<div class="wide"><table><caption>{escape(table.title)}</caption><thead><tr>{headers}</tr></thead>'
+    headers = "".join(f'<th scope="col">{_prose(cell)}</th>' for cell in table.headers)
+    rows = "".join("<tr>" + "".join(f"<td>{_prose(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
+    return (f'<div class="wide"><table><caption>{_prose(table.title)}</caption><thead><tr>{headers}</tr></thead>'
             f"<tbody>{rows}</tbody></table></div>")
 
 
@@ -176,7 +185,7 @@ def _figure(picture: Picture, name: str, pictures: Mapping[str, bytes]) -> str:
     data = base64.b64encode(pictures[name]).decode("ascii")
     width, height = picture.image.size
     return (f'<figure><img src="data:image/{kind};base64,{data}" width="{width}" height="{height}" '
-            f'alt="{escape(picture.alt)}"><figcaption>{escape(picture.caption)}</figcaption></figure>')
+            f'alt="{escape(picture.alt)}"><figcaption>{_prose(picture.caption)}</figcaption></figure>')
 
 
 def _sentence(text: str, first: bool = True) -> str:

@@ -94,8 +94,8 @@ def equal_time(lab: Lab) -> Finding:
                        marks=tuple(f"{one.settings.samples}" for one in found if one.settings.start_level == start))
                   for start in (0, 1, 2, 3))
     chart = Chart("pareto", "Error against R1 over time", "indirect passes, ms", "relative RMSE",
-                  (*lines, Line("Pareto front", tuple((one.ms, one.error) for one in front))),
-                  f"Each point is a single frame without the temporal filter; numbers are samples. {lab.clock}.",
+                  (*lines, Line("Pareto front", tuple((one.ms, one.error) for one in front), faint=True)),
+                  f"Each point is a single frame without the temporal filter, numbers are samples; {lab.clock}.",
                   log_x=True, log_y=True)
     figures = {"candidates": [
         {"start_level": one.settings.start_level, "levels": one.settings.levels, "samples": one.settings.samples,
@@ -134,27 +134,31 @@ def form_factor(lab: Lab) -> Finding:
     studio = lab.studio
     studio.aim("builtin:cornell")
     counts, seeds = lab.pick((64, 1024), (64, 256, 1024)), lab.pick(6, 12)
-    rows, means, variances, largest = [], {}, {}, {}
-    for at, (samples, spacing, form) in enumerate(
-            (n, spacing, form) for n in counts for spacing in ("area", "radius") for form in ("disc", "point")):
-        lab.say(f"{form}, {samples} samples", at / (4 * len(counts)))
-        key = samples, spacing, form
+    rows, means, variances = [], {}, {}
+    variants = [(n, spacing, "bilateral") for n in counts for spacing in ("area", "radius")]
+    variants.insert(1, (counts[0], "area", "nearest"))
+    for at, (samples, spacing, upsampling, form) in enumerate(
+            (*variant, form) for variant in variants for form in ("disc", "point")):
+        lab.say(f"{form}, {samples} samples", at / (2 * len(variants)))
+        key = samples, spacing, upsampling, form
         renderer = studio.set(temporal=False, visibility="off", samples=samples, sample_spacing=spacing,
-                              form_factor=form)
+                              form_factor=form, upsampling=upsampling)
         mean, variance = over_seeds(renderer, studio.camera, "indirect", seeds if samples == counts[0] else 2)
         seen = studio.values("view_depth") > 0
         means[key], variances[key] = float(mean[seen].mean()), float(variance[seen].mean())
-        largest[key] = float(mean[seen].max())
-        rows.append((f"{samples}, {spacing}, {form}", f"{means[key]:.4f}", f"{variances[key]:.2e}",
-                     percent(variances[key]**0.5 / means[key]), f"{largest[key]:.2f}"))
+        rows.append((f"{samples}, {spacing}, {upsampling}, {form}", f"{means[key]:.4f}", f"{variances[key]:.2e}",
+                     percent(variances[key]**0.5 / means[key])))
     few, many = counts[0], counts[-1]
-    apart = {n: means[n, "area", "disc"] / means[n, "area", "point"] - 1 for n in counts}
-    ratio = variances[few, "area", "point"] / variances[few, "area", "disc"]
+    apart = {n: means[n, "area", "bilateral", "disc"] / means[n, "area", "bilateral", "point"] - 1 for n in counts}
+    ratio, bare = (variances[few, "area", upsampling, "point"] / variances[few, "area", upsampling, "disc"]
+                   for upsampling in ("bilateral", "nearest"))
     verdict, why = form_factor_verdict(apart[few], apart[many], ratio, few, many)
-    table = Table(f"Mean irradiance and its variance over seeds, single frames as shown; {lab.where}; {seeds} seeds at "
-                  f"{few} samples, 2 above", ("samples, spacing, form factor", "mean", "variance", "noise / mean",
-                                              "largest"), tuple(rows))
-    figures = {"means_apart": {str(n): value for n, value in apart.items()}, "variance_ratio": ratio}
+    why += f" ({bare:.2f} times before upsampling)"
+    table = Table(f"Mean irradiance and its variance over seeds, single frames; {lab.where}; {seeds} seeds at {few} "
+                  "samples, 2 above; bilateral is as shown, nearest the gather before it",
+                  ("samples, spacing, upsampling, form factor", "mean", "variance", "noise / mean"), tuple(rows))
+    figures = {"means_apart": {str(n): value for n, value in apart.items()}, "variance_ratio": ratio,
+               "variance_ratio_before_upsampling": bare}
     return Finding(verdict, why, figures, (table,), pictures=(_form_factor_picture(lab),), notes=(
         "The disc stands for all that a sample stands for, so at few samples it bounds what comes from close by and "
         "darkens contacts; the difference goes as samples grow. With samples even in radius, this program's default, "

@@ -51,7 +51,8 @@ def voted_mips(lab: Lab) -> Finding:
                       "filter.", "Normals in false colours; voted mipmaps keep columns whole, nearest ones break them.",
                       sharp=True)
     figures = {"vote_over_nearest": {f"{step:g}": ratio for step, ratio in ratios.items()}}
-    return Finding(verdict, why, figures, (table,), pictures=(picture,))
+    return Finding(verdict, why, figures, (table,), pictures=(picture,), notes=(
+        "Averages are steady, too, but the surfaces they make do not exist.",))
 
 
 def vote_verdict(ratios: dict[float, float]) -> tuple[str, str]:
@@ -144,13 +145,14 @@ def _upsampling_pictures(lab: Lab) -> tuple[Picture, ...]:
     studio.aim("builtin:atrium")
     studio.render(1, temporal=False)
     start, last = studio.base.start_level, studio.base.last_level
-    steps = [(f"gathered at level {level}", studio.buffer("gather", level)) for level in range(last, start - 1, -1)]
-    steps += [(f"summed down to level {level}", studio.buffer("light", level)) for level in range(last, 0, -1)]
-    steps.append(("level 0: irradiance", studio.buffer("upsample")))
-    return pair, Picture("steps", tile(steps, 3, (400, 225), sharp=True), "The hierarchy, one frame: each level's own "
-                         "gather; then, from the coarsest down, the sum so far, denoised and brought up by two, to the "
-                         "image's resolution.", "Light gathered at each level in texels, and the sum of the levels "
-                         "from coarse blocks to a smooth image.", sharp=True)
+    own = [(f"gathered at level {level}", studio.buffer("gather", level)) for level in range(last, start - 1, -1)]
+    sums = [(f"summed down to level {level}", studio.buffer("light", level)) for level in range(last, 0, -1)]
+    sums.append(("level 0: irradiance", studio.buffer("upsample")))
+    return (pair, Picture("levels", tile(own, 4, (300, 169), sharp=True), "The hierarchy, one frame: what each level "
+                          "gathers by itself.", "Light gathered at each level, in texels.", sharp=True),
+            Picture("steps", tile(sums, 3, (400, 225), sharp=True), "From the coarsest level down: the sum so far, "
+                    "denoised and brought up by two, to the image's resolution.",
+                    "The sum of the levels, from coarse blocks to a smooth image.", sharp=True))
 
 
 # -- C10 -----------------------------------------------------------------------------------------------------------
