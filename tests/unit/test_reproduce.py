@@ -134,6 +134,12 @@ def test_the_claims_are_those_of_the_talk_and_can_be_chosen():
             chosen(text)
 
 
+def test_the_documentation_has_every_rule():
+    text = (Path(__file__).resolve().parents[2] / "docs" / "reproduce.md").read_text(encoding="utf-8")
+    for one in CLAIMS:
+        assert f"| {one.id} {one.title} | {one.criterion} |" in text, "docs/reproduce.md says otherwise"
+
+
 # -- the page ------------------------------------------------------------------------------------------------------
 
 NASTY = 'A <script>alert("1")</script> & `b`'
