@@ -121,6 +121,12 @@ def judged(held: bool, repeats_within: float = 1.0, limit: float = float("inf"))
     return UNSEEN if repeats_within > limit else FAILS
 
 
+def too_busy(repeats_within: float) -> str:
+    """The end of a sentence that says why times cannot refute a claim."""
+    return (f"; rounds of the same measurement differ by up to {percent(repeats_within - 1, 0)}, so the machine is "
+            "too busy to tell")
+
+
 def percent(share: float, digits: int = 1) -> str:
     """A share as people write it."""
     return f"{100 * share:.{digits}f} %"

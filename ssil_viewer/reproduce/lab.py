@@ -109,6 +109,10 @@ class Timed:
         """Of groups of passes (`measure/groups.py`): the median of the rounds."""
         return statistics.median(sum(group_times(row.timings.passes)[name] for name in names) for row in self.rows)
 
+    def least_groups(self, *names: str) -> float:
+        """Of groups of passes: the least of the rounds' tenth percentiles."""
+        return min(sum(group_times(row.timings.passes, "p10_ms")[name] for name in names) for row in self.rows)
+
     @property
     def frame(self) -> float:
         """The whole frame: the median of the rounds."""

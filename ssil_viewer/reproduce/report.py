@@ -176,8 +176,8 @@ def _list(items: Iterable[tuple[str, Any]]) -> str:
 def _table(table: Table) -> str:
     headers = "".join(f'<th scope="col">{_prose(cell)}</th>' for cell in table.headers)
     rows = "".join("<tr>" + "".join(f"<td>{_prose(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
-    return (f'<div class="wide"><table><caption>{_prose(table.title)}</caption><thead><tr>{headers}</tr></thead>'
-            f"<tbody>{rows}</tbody></table></div>")
+    return (f'<figure class="sheet"><figcaption>{_prose(table.title)}</figcaption><div class="wide"><table><thead><tr>'
+            f"{headers}</tr></thead><tbody>{rows}</tbody></table></div></figure>")
 
 
 def _figure(picture: Picture, name: str, pictures: Mapping[str, bytes]) -> str:

@@ -76,17 +76,17 @@ def equal_time(lab: Lab) -> Finding:
     studio.render(1, **base, start_level=SENDER_LEVEL, levels=last)
     rows, columns, truth = all_pixels_sum(studio, SENDER_LEVEL, lab.pick(60, 120))
     found = []
-    for timed in lab.time("start levels and samples", grid):
+    for timed in lab.time("start levels and samples", grid, 2):
         studio.renderer.set_settings(timed.settings)
         studio.renderer.reset_history()
         studio.renderer.render(studio.camera)
         error = bias_and_error(studio.values("indirect")[rows, columns], truth)[1]
-        found.append(Candidate(timed.settings, timed.groups(*TALK), error))
+        found.append(Candidate(timed.settings, timed.least_groups(*TALK), error))
     verdict, why = equal_time_verdict(found)
     front = pareto_front(found)
     table = Table(lab.timed(f"Error of single frames against R1 (senders of level {SENDER_LEVEL}), {len(rows)} blocks "
                             "of 8x8 pixels; * is on the Pareto front"),
-                  ("start, levels, samples, visibility", "indirect passes, ms", "relative RMSE"), tuple(
+                  ("start, levels, samples, visibility", "indirect passes, ms, least", "relative RMSE"), tuple(
         (row_name(one.settings) + (" *" if one in front else ""), milliseconds(one.ms), percent(one.error))
         for one in sorted(found, key=lambda one: one.ms)))
     lines = tuple(Line(f"start 1/{2**start}", tuple((one.ms, one.error) for one in found

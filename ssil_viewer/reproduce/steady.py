@@ -10,7 +10,18 @@ from ssil_viewer.measure.groups import TALK
 from ssil_viewer.measure.steadiness import flicker
 from ssil_viewer.measure.tables import Table, milliseconds
 from ssil_viewer.reference.all_pixels import Surfaces, read_surfaces
-from ssil_viewer.reproduce.claim import FAILS, HOLDS, Chart, Finding, Line, Picture, percent
+from ssil_viewer.reproduce.claim import (
+    FAILS,
+    HOLDS,
+    UNSEEN,
+    Chart,
+    Finding,
+    Line,
+    Picture,
+    judged,
+    percent,
+    too_busy,
+)
 from ssil_viewer.reproduce.lab import Lab
 from ssil_viewer.reproduce.sampling import all_pixels_sum
 from ssil_viewer.reproduce.speed import talk_rows
@@ -18,7 +29,7 @@ from ssil_viewer.reproduce.studio import tile
 
 STEADIER = 0.8
 NOISE_LEFT = 0.5
-FLICKER_LEFT, COST_SHARE = 0.2, 0.1
+FLICKER_LEFT, COST_SHARE, COST_SPREAD = 0.2, 0.1, 1.25
 _CREASE_COS, _STEP = 0.9, 0.02      # about 26 degrees; share of the view depth
 _EDGE_WIDTH = 2                     # pixels on each side of an edge that count as at it
 
@@ -171,8 +182,9 @@ def reprojection(lab: Lab) -> Finding:
         # The running mean has settled by then
         found[temporal] = flicker(renderer, studio.camera, 0.5, lab.pick(5, 9), lab.pick(16, 32) if temporal else 0)
     light = float(studio.values("indirect").mean())
-    spread = max(costs.values()) / min(costs.values())
-    verdict, why = reprojection_verdict(found[True] / found[False], max(shares), spread)
+    verdict, why = reprojection_verdict(
+        found[True] / found[False], max(shares), max(costs.values()) / min(costs.values()),
+        max(row.repeats_within("temporal") for row in rows))
     tables = (Table("Change of a surface point's irradiance from frame to frame, over the mean, under a pan of half a "
                     f"pixel a frame; {lab.where}", ("temporal filter", "flicker"),
                     (("off", percent(found[False] / light, 2)), ("on", percent(found[True] / light, 2)))),
@@ -180,8 +192,9 @@ def reprojection(lab: Lab) -> Finding:
                                                          "share of the frame", "share of the indirect passes"), tuple(
                   (name, milliseconds(costs[name]), percent(share), percent(part))
                   for name, share, part in zip(costs, shares, of_indirect))))
-    series = Chart("cost", "Time of the temporal pass in the talk's rows", "", "ms", (Line("temporal", tuple(
-        (at, cost) for at, cost in enumerate(costs.values())), marks=tuple(costs), bars=True),), f"{lab.clock}.")
+    bars = Line("temporal", tuple((float(at), cost) for at, cost in enumerate(costs.values())), tuple(costs), bars=True)
+    chart = Chart("cost", "Time of the temporal pass in the talk's rows", "", "ms", (bars,),
+                  f"Least of the rounds; {lab.clock}.")
     lab.say("pictures of the temporal filter", 0.9)
     studio.aim("builtin:atrium", "hanging")
     studio.render(1, temporal=False, show="indirect", samples=8)
@@ -191,15 +204,20 @@ def reprojection(lab: Lab) -> Finding:
                                        (480, 480), (400, 200, 880, 680)), "Indirect light of few samples.",
                       "Indirect light on a column: noisy in one frame, smooth after sixteen.")
     return Finding(verdict, why, {"flicker": {"off": found[False], "on": found[True]}, "temporal_ms": costs,
-                                  "share_of_frame": max(shares)}, tables, (series,), (picture,))
+                                  "share_of_frame": max(shares)}, tables, (chart,), (picture,))
 
 
-def reprojection_verdict(left: float, share: float, spread: float) -> tuple[str, str]:
-    """Holds where at most a fifth of the flicker is left, for at most a tenth of the frame.
+def reprojection_verdict(left: float, share: float, spread: float, repeats_within: float) -> tuple[str, str]:
+    """Holds where at most a fifth of the flicker is left, for at most a tenth of the frame, whatever the settings.
 
     Args:
-        spread: Slowest over fastest time of the pass in different rows; it is told, not judged.
+        left: Share of the flicker.
+        share: Of the frame, in the row where it is largest.
+        spread: Slowest over fastest time of the pass in different rows.
     """
     why = (f"{percent(1 - left, 0)} of the flicker under a slow pan goes; the pass takes at most {percent(share)} of "
            f"the frame, and its time in the slowest of the talk's rows is {spread:.2f} times that in the fastest")
-    return (HOLDS if left <= FLICKER_LEFT and share <= COST_SHARE else FAILS), why
+    if left > FLICKER_LEFT:
+        return FAILS, why
+    verdict = judged(share <= COST_SHARE and spread <= COST_SPREAD, repeats_within, COST_SPREAD)
+    return verdict, why + (too_busy(repeats_within) if verdict == UNSEEN else "")

@@ -46,9 +46,9 @@ def test_budget(totals, gpu, size, verdict):
     assert speed.budget_verdict(totals, gpu, size)[0] == verdict
 
 
-@pytest.mark.parametrize("most, verdict", [(1.9, HOLDS), (2.1, FAILS)])
-def test_visibility(most, verdict):
-    found, why = speed.visibility_verdict({"horizon": {1: 1.5, 2: most}, "voxel": {1: 4.0, 2: 17.0}})
+@pytest.mark.parametrize("most, repeats_within, verdict", [(1.9, 1.5, HOLDS), (2.1, 1.01, FAILS), (2.1, 1.5, UNSEEN)])
+def test_visibility(most, repeats_within, verdict):
+    found, why = speed.visibility_verdict({"horizon": {1: 1.5, 2: most}, "voxel": {1: 4.0, 2: 17.0}}, repeats_within)
     assert found == verdict and f"{most:.2f}" in why and "17.00" in why
 
 
@@ -83,7 +83,8 @@ def test_equal_time():
     (steady.upsampling_verdict, ({"nearest": 0.2, "bilateral": 0.1}, {"nearest": 0.4, "bilateral": 0.4}),
      [({"nearest": 0.2, "bilateral": 0.11}, {"nearest": 0.4, "bilateral": 0.3}),
       ({"nearest": 0.2, "bilateral": 0.1}, {"nearest": 0.4, "bilateral": 0.41})]),
-    (steady.reprojection_verdict, (0.2, 0.1, 5.0), [(0.21, 0.05, 1.0), (0.1, 0.11, 1.0)]),
+    (steady.reprojection_verdict, (0.2, 0.1, 1.25, 1.0), [(0.21, 0.05, 1.0, 9.0), (0.1, 0.11, 1.0, 1.0),
+                                                          (0.1, 0.05, 1.3, 1.0)]),
     (light.bounces_verdict, ([1.0, 2.0, 2.5, 2.6], 2.55, [0.5, 0.2, 0.1]),
      [([1.0, 2.0, 3.0, 3.5], 3.2, []), ([1.0, 2.0, 1.9, 1.95], 2.0, []), ([1.0, 2.0, 2.5, 2.6], 2.4, []),
       ([1.0, 2.0, 2.5, 2.6], 2.55, [0.5, 0.1, 0.2])]),
@@ -91,6 +92,11 @@ def test_equal_time():
 def test_rules(measure, good, bad):
     assert measure(*good)[0] == HOLDS
     assert [measure(*numbers)[0] for numbers in bad] == [FAILS] * len(bad)
+
+
+def test_a_busy_machine_cannot_refute_the_cost_of_the_temporal_filter():
+    verdict, why = steady.reprojection_verdict(0.1, 0.05, 1.5, 1.4)
+    assert verdict == UNSEEN and "too busy" in why
 
 
 def test_sponza():
