@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 from typing import Any, Callable, Sequence, TypeVar
 
-from ssil_viewer.gpu.targets import level_size
 from ssil_viewer.measure.bench import CLOCKS, FRAMES, Row
 from ssil_viewer.measure.groups import group_times
 from ssil_viewer.measure.scaling import Point, take_turns
@@ -76,10 +75,6 @@ class Lab:
         for done, _ in enumerate(turns):
             self.say(f"{what} {done + 1}/{total}", done / total)
         return [Timed(point.settings, tuple(point.rows)) for point in points]
-
-    def fits(self, settings: Settings) -> bool:
-        """Whether the image has room for so many levels: the coarsest has more than one texel."""
-        return max(level_size(self.studio.size, settings.last_level)) > 1
 
 
 class Timed:
