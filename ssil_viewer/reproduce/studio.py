@@ -44,7 +44,7 @@ class Studio:
         self._context = create_headless_context()
         self.base, self.size = base, size
         try:
-            self.renderer = Renderer(self._context, size, base, keep=("final", "glossy"))
+            self.renderer = Renderer(self._context, size, base)
         except BaseException:
             self._context.release()
             raise
