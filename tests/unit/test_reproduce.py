@@ -53,7 +53,8 @@ def test_visibility(most, repeats_within, verdict):
 
 
 @pytest.mark.parametrize("level, dense, repeats_within, verdict", [
-    (1.04, 1.9, 1.5, HOLDS), (1.1, 1.9, 1.01, FAILS), (1.0, 1.2, 1.01, FAILS), (1.1, 1.9, 1.3, UNSEEN)])
+    (1.04, 1.9, 1.5, HOLDS), (1.1, 1.9, 1.01, FAILS), (1.0, 1.2, 1.01, FAILS), (1.1, 1.9, 1.3, UNSEEN),
+    (0.9, 1.9, 1.3, UNSEEN)])
 def test_one_more_level(level, dense, repeats_within, verdict):
     assert speed.level_verdict(level, dense, repeats_within)[0] == verdict
 
