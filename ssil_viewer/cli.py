@@ -23,6 +23,7 @@ COMMANDS = {
     "render": "render a scene to a .png, .exr or .npz file, without a window",
     "bench": "measure what each pass costs, under many settings",
     "tune": "find the settings with the least error for a time budget",
+    "reproduce": "measure every claim of the talk, in one report",
     "compare": "measure the error against references and a path tracer",
     "info": "say what a scene file holds",
     "scenes": "list the built-in scenes",
@@ -101,7 +102,7 @@ def _split_command(arguments: list[str]) -> tuple[str, list[str]]:
 
 
 def _top_parser() -> Parser:
-    listed = "\n".join(f"  {name:<8} {text}" for name, text in COMMANDS.items())
+    listed = "\n".join(f"  {name:<9} {text}" for name, text in COMMANDS.items())
     epilog = (
         f"commands:\n{listed}\n\n"
         f"{_PROGRAM} COMMAND --help lists the flags of a command.\n"

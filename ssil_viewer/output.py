@@ -10,7 +10,8 @@ import contextlib
 import json
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,10 +45,7 @@ def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -
         if suffixes and target.suffix.lower() not in suffixes:
             raise UserError("output format is not known", shown, wanted)
         target = target.resolve()
-        if not target.parent.exists():
-            raise UserError("output folder does not exist", str(target.parent), "create it first")
-        if not target.parent.is_dir():
-            raise UserError("output folder is a file", str(target.parent), "give another folder")
+        _check_parent(target)
         if target.exists() and not target.is_file():
             raise UserError("output is not a regular file", shown, "give another name")
         if not os.access(target.parent, os.W_OK) or (target.exists() and not os.access(target, os.W_OK)):
@@ -55,9 +53,77 @@ def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -
     return target
 
 
+def check_folder(path: str | os.PathLike[str], replaceable: Callable[[Path], bool]) -> Path:
+    """Refuses early a folder that `atomic_folder` could not make or should not replace.
+
+    Args:
+        replaceable: Whether a folder that holds something may go.
+
+    Returns:
+        The path, with symbolic links followed.
+
+    Raises:
+        UserError: Something is in the way, the folder above is missing, or there is no right to write there.
+    """
+    shown, target = os.fspath(path), Path(path)
+    if not shown or "\0" in shown:
+        raise UserError("no usable output folder", repr(shown), "give a folder")
+    with _as_user_error(shown):
+        target = target.resolve()
+        if target.exists() and not target.is_dir():
+            raise UserError("a file is where the output folder should be", shown, "give another name")
+        _check_parent(target)
+        if target == Path.cwd():
+            raise UserError("the current folder cannot be replaced", shown, "give a folder within it")
+        if target.is_dir() and any(target.iterdir()) and not replaceable(target):
+            raise UserError("the output folder holds other files", shown, "give a new or an empty folder")
+        if not os.access(target.parent, os.W_OK):
+            raise UserError("no right to write", shown, "give a folder in a folder of yours")
+        beside = _beside(target)
+        beside.mkdir()
+        beside.rmdir()
+    return target
+
+
+def _check_parent(target: Path) -> None:
+    if not target.parent.exists():
+        raise UserError("output folder does not exist", str(target.parent), "create it first")
+    if not target.parent.is_dir():
+        raise UserError("output folder is a file", str(target.parent), "give another folder")
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".ssil-{secrets.token_hex(6)}{path.suffix}")
+
+
+@contextlib.contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to write to; it takes the place of `path` at the end, or goes away on any failure.
+
+    What was at `path` before stays until then, and after a failure.
+
+    Raises:
+        UserError: The operating system refused, for example because the disk is full.
+    """
+    fresh, old = _beside(path), _beside(path)
+    try:
+        with _as_user_error(str(path)):
+            fresh.mkdir()
+            yield fresh
+            if path.exists():
+                path.rename(old)
+            fresh.rename(path)
+    finally:
+        with contextlib.suppress(OSError):
+            if old.exists() and not path.exists():
+                old.rename(path)
+        for folder in (fresh, old):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
 def check_writable(path: Path) -> None:
     """Make a file beside `path` and remove it: before work that takes long, rather than after it. Raises UserError."""
-    beside = path.with_name(f".ssil-{secrets.token_hex(6)}{path.suffix}")
+    beside = _beside(path)
     with _as_user_error(str(path)):
         beside.touch()
         beside.unlink()
@@ -70,7 +136,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     Raises:
         UserError: The operating system refused, for example because the disk is full.
     """
-    beside = path.with_name(f".ssil-{secrets.token_hex(6)}{path.suffix}")
+    beside = _beside(path)
     try:
         with _as_user_error(str(path)):
             yield beside

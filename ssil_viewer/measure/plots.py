@@ -59,13 +59,17 @@ def _draw(axes: Any, series: dict[str, Any]) -> None:
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     axes.minorticks_off()
-    # A flat line should look flat: at least one decade of height
-    low, high = axes.get_ylim()
-    if high < 10 * low:
-        middle = (low * high) ** 0.5
-        axes.set_ylim(middle / 10**0.5, middle * 10**0.5)
+    at_least_a_decade(axes)
     held = "holds" if series["holds"] else "does not hold"
     axes.set_title(f"{series['name']}: {series['rule']} {held} ({series['worst']:.2f})", fontsize=9)
     axes.set_ylabel("ms", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.legend(fontsize=7)
+
+
+def at_least_a_decade(axes: Any) -> None:
+    """Give a logarithmic y axis at least one decade of height: a flat line should look flat."""
+    low, high = axes.get_ylim()
+    if high < 10 * low:
+        middle = (low * high) ** 0.5
+        axes.set_ylim(middle / 10**0.5, middle * 10**0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import statistics
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable, Literal, Sequence
+from typing import Any, Callable, Iterable, Iterator, Literal, Sequence
 
 from ssil_viewer.gpu.targets import rendered_size
 from ssil_viewer.measure.bench import Row, changed_settings, describe, measure_row
@@ -83,12 +83,14 @@ class Series:
 
 
 def measure(renderer: Renderer, camera: Camera, quick: bool = False, frames: int | None = None,
-            progress: Callable[[str, int, int], None] = lambda what, done, total: None) -> dict[str, Any]:
-    """Measure all series on a renderer that has a scene; it is left as it was.
+            progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+            only: Sequence[str] | None = None) -> dict[str, Any]:
+    """Measure series on a renderer that has a scene; it is left as it was.
 
     Args:
         frames: That count, of each point and round; None takes `FRAMES`.
         progress: Hears what is measured, the points done, and of how many.
+        only: Names of the series to measure; None measures all.
 
     Returns:
         The report, as JSON has it (docs/benchmarks.md).
@@ -99,20 +101,27 @@ def measure(renderer: Renderer, camera: Camera, quick: bool = False, frames: int
     frames = frames or FRAMES[renderer.timers.source]
     settings, rounds = renderer.settings, _QUICK_ROUNDS if quick else _ROUNDS
     where = {**describe(renderer), "frames": frames, "rounds": rounds, "settings": changed_settings(settings)}
-    every = list(_series(renderer, settings, quick))
+    every = [series for series in _series(renderer, settings, quick) if only is None or series.name in only]
     total, done = rounds * sum(len(series.points) for series in every), 0
     for series in every:
         try:
-            for _ in range(rounds):
-                for point in series.points:
-                    progress(f"{series.name} {point.label}", done, total)
-                    point.prepare()
-                    point.rows.append(measure_row(renderer, camera, point.settings, frames))
-                    done += 1
+            for point in take_turns(renderer, camera, series.points, rounds, frames):
+                progress(f"{series.name} {point.label}", done, total)
+                done += 1
         finally:
             series.restore()
     renderer.set_settings(settings)
     return {**where, "series": [_describe(series) for series in every]}
+
+
+def take_turns(renderer: Renderer, camera: Camera, points: Sequence[Point], rounds: int, frames: int
+               ) -> Iterator[Point]:
+    """Measure points in turn, so often as there are rounds; yields each before it is measured."""
+    for _ in range(rounds):
+        for point in points:
+            yield point
+            point.prepare()
+            point.rows.append(measure_row(renderer, camera, point.settings, frames))
 
 
 def _series(renderer: Renderer, settings: Settings, quick: bool) -> Iterable[Series]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import moderngl
 import numpy as np
 
 from ssil_viewer.gpu.context import create_headless_context
@@ -24,12 +25,14 @@ _SPP_OF_PASS = 4
 
 def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, camera: Camera, frames: int, spp: int,
                   seconds: float, progress: Progress = lambda what, share: None,
-                  trace: Trace = path_trace) -> tuple[list[dict[str, Any]], list[str]]:
+                  trace: Trace = path_trace,
+                  context: moderngl.Context | None = None) -> tuple[list[dict[str, Any]], list[str]]:
     """The image after each number of bounces, 0 to 4, against all light, over means of 8x8 pixels without background.
 
     Args:
         spp, seconds: Of each path-traced image; all light gets four times as many samples.
         trace: What traces paths.
+        context: An OpenGL context to use; one is made and released otherwise.
 
     Returns:
         For each number of bounces a dictionary: bounces, bias and relative_rmse of ours against all light,
@@ -47,7 +50,8 @@ def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, ca
         traced = trace(description, tasks, lambda name, share: progress(f"R3 {name}", share))
     except ReferenceFailure as failure:
         return [], [f"bounces are not compared: {failure}"]
-    series, context = [], create_headless_context()
+    series, own = [], context is None
+    context = context or create_headless_context()
     try:
         for bounces in range(MOST_BOUNCES + 1):
             image, visible = _rendered(context, scene, size, dataclasses.replace(
@@ -62,7 +66,8 @@ def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, ca
                            "path_traced_relative_rmse": metrics.agreement(as_far, everything)["relative_rmse"],
                            "same_bounces_relative_rmse": metrics.agreement(ours, as_far)["relative_rmse"]})
     finally:
-        context.release()
+        if own:
+            context.release()
     return series, []
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import read_all, render_frames
+from ssil_viewer.measure.steadiness import over_seeds
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Material
 from tests import scenes
@@ -77,14 +78,10 @@ def test_final_holds_the_reflection(make_renderer):
 def unfiltered(make_renderer, scene, camera, size, seeds, **settings) -> tuple[np.ndarray, np.ndarray]:
     """Mean and variance of `glossy` over seeds, of single frames that nothing smooths, and the mask of the floor."""
     renderer = make_renderer(scene, size, temporal=False, upsampling="nearest", **settings)
-    images = []
-    for seed in range(seeds):
-        renderer.set_settings(replace(renderer.settings, seed=seed))
-        renderer.render(camera)
-        images.append(renderer.read("glossy").astype(np.float64))
+    mean, variance = over_seeds(renderer, camera, "glossy", seeds)
     roughness = renderer.read("roughness")
     floor = (roughness > 0.15) & (roughness < 0.25)
-    return np.mean(images, 0)[floor], np.var(images, 0, ddof=1)[floor]
+    return mean[floor], variance[floor]
 
 
 @pytest.mark.parametrize("mode", ["off", "horizon"])

@@ -8,65 +8,20 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.measure.steadiness import flicker, turned
 from ssil_viewer.scene import default_camera, load_scene
-from ssil_viewer.scene.model import Camera
 from tests import scenes
 
 SIZE = 160, 90
 CAMERA = scenes.CORNELL_CAMERA
 
 
-def turned(camera: Camera, angle: float) -> Camera:
-    """The camera turned about the vertical through its eye."""
-    x, y, z = np.subtract(camera.target, camera.eye)
-    cos, sin = np.cos(angle), np.sin(angle)
-    return replace(camera, target=tuple(np.add(camera.eye, (cos * x + sin * z, y, cos * z - sin * x))))
-
-
-def reprojected(light, depth, normal, motion, before):
-    """Last frame's light at the place where each pixel's surface was then, bilinear over the pixels that show the same
-    surface by the temporal filter's own standards, and the pixels that found one."""
-    old_light, old_depth, old_normal = before
-    height, width = depth.shape
-    rows, columns = np.mgrid[:height, :width]
-    x, y = columns - motion[..., 0] * width, rows + motion[..., 1] * height
-    total, weights = np.zeros_like(light), np.zeros(depth.shape)
-    for corner in range(4):
-        column, row = np.floor(x).astype(int) + corner % 2, np.floor(y).astype(int) + corner // 2
-        weight = (1 - np.abs(x - column)) * (1 - np.abs(y - row))
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (depth > 0)
-        column, row = column.clip(0, width - 1), row.clip(0, height - 1)
-        same = inside & (np.abs(old_depth[row, column] - depth) < 0.01 * depth) \
-            & ((old_normal[row, column] * normal).sum(-1) > 0.8)
-        weight = np.where(same, weight, 0)
-        total += old_light[row, column] * weight[..., None]
-        weights += weight
-    return total / np.maximum(weights, 1e-9)[..., None], weights > 0.01
-
-
-def flicker(make_renderer, scene, camera, size, step, frames=5, **settings) -> float:
-    """Mean change of the irradiance of a surface point from frame to frame, without the temporal filter, while the
-    camera turns by `step` pixels a frame. The point is followed as the temporal filter would, so that a picture that
-    merely moves does not count as flicker."""
-    renderer = make_renderer(scene, size, temporal=False, **settings)
-    pixel = 2 * np.tan(camera.vertical_fov / 2) / size[1]
-    changes, before = [], None
-    for frame in range(frames):
-        renderer.render(turned(camera, step * pixel * frame))
-        light, depth, normal, motion = (renderer.read(x) for x in ("indirect", "view_depth", "normal", "motion"))
-        if before is not None:
-            old, found = reprojected(light, depth, normal, motion, before)
-            changes.append(np.abs(light - old)[found].mean())
-        before = light, depth, normal
-    return float(np.mean(changes))
-
-
 @pytest.mark.parametrize("step", [0.25, 0.5, 1.0])
 def test_voted_mips_halve_the_flicker_of_nearest_ones(make_renderer, step):
     """Measured on the atrium: 0.49, 0.44 and 0.41."""
     scene = load_scene("builtin:atrium")
-    vote, nearest = (flicker(make_renderer, scene, default_camera(scene), (640, 360), step, mip_filter=mip_filter)
-                     for mip_filter in ("vote", "nearest"))
+    vote, nearest = (flicker(make_renderer(scene, (640, 360), temporal=False, mip_filter=mip_filter),
+                             default_camera(scene), step) for mip_filter in ("vote", "nearest"))
     assert vote < 0.5 * nearest
 
 

@@ -21,6 +21,7 @@ LAYERS = (
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),
+    ("reproduce",),
     ("commands",),
     ("cli",),
     ("__main__",),

@@ -1,0 +1,68 @@
+"""`ssil-viewer reproduce`: the talk's claims, measured, in one report."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ssil_viewer import output
+from ssil_viewer.commands import measuring, shared, values
+from ssil_viewer.commands.parser import Parser
+from ssil_viewer.settings import Settings
+
+USAGE = "-o DIR [--quick] [--claims C1,C2,...] [flags]"
+EPILOG = """\
+Measures every claim of the talk on the built-in scenes and writes DIR/index.html, one page with all pictures, plots
+and tables in it; DIR/data.json and the files beside it have the numbers. A former report in DIR is replaced, anything
+else is not touched. --quick takes some minutes on software OpenGL.
+
+  ssil-viewer reproduce -o report --quick
+  ssil-viewer reproduce -o report --claims C3,C7
+
+docs/reproduce.md has the rule behind each verdict. Plots take matplotlib, the path tracer of C11 Mitsuba."""
+_SIZE, _QUICK_SIZE = (1280, 720), (640, 360)
+
+
+def add_flags(parser: Parser) -> None:
+    """What the command takes."""
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the report's folder")
+    parser.add_argument("--quick", action="store_true", help="a smaller image, fewer points, frames and seeds")
+    parser.add_argument("--claims", metavar="C1,C2,...", help="measure these alone")
+    parser.add_argument("--scene", metavar="FILE", help="also show this scene with C12, such as Sponza")
+    parser.add_argument("--size", type=values.size, metavar="WxH",
+                        help="pixels, default 1280x720, with --quick 640x360")
+    parser.add_argument("--seed", type=values.whole("--seed", 0, 2**31 - 1), default=0, metavar="N",
+                        help="fixes every random choice, default 0")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measures, and writes the report."""
+    from ssil_viewer.reproduce import report
+    from ssil_viewer.reproduce.claims import chosen
+    from ssil_viewer.reproduce.machine import machine
+    from ssil_viewer.reproduce.run import measure
+    from ssil_viewer.reproduce.studio import Studio
+
+    claims = chosen(args.claims)
+    folder = output.check_folder(args.output, report.is_report)
+    size = args.size or (_QUICK_SIZE if args.quick else _SIZE)
+    studio = Studio(size, Settings(seed=args.seed))
+    try:
+        # A bad scene ends the command now rather than after all other claims
+        studio.aim(args.scene or "builtin:cornell")
+        shared.warn(studio.renderer.scene.warnings)
+        head = _head(args, size, machine(studio.renderer))
+        with measuring.progress_bar() as show:
+            results = measure(studio, claims, args.quick, args.scene, show)
+    finally:
+        studio.close()
+    report.write(folder, head, results)
+    for result in results:
+        print(f"{result.claim.id:<4}{result.finding.verdict:<21}{result.finding.why}")
+    measuring.say_written(folder / report.PAGE)
+
+
+def _head(args: argparse.Namespace, size: tuple[int, int], machine: dict[str, Any]) -> dict[str, Any]:
+    effort = "quick: fewer points, frames and seeds" if args.quick else "full"
+    return {**machine, "size": f"{size[0]}x{size[1]}", "seed": args.seed, "effort": effort,
+            "settings": "the program's defaults, but for what a claim says"}
