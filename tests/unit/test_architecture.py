@@ -21,6 +21,7 @@ LAYERS = (
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),
+    ("peers",),
     ("commands",),
     ("cli",),
     ("__main__",),
