@@ -119,8 +119,8 @@ def slit():
 
 
 def test_the_bottom_of_a_slit_is_dark(occluded: Occluded, stage):
-    """In its middle sin a is left, a half of the angle under which the sky is seen; the mean over all slices of sin^2 h,
-    h the angle to the horizon. What the image does not show is open: few slices lead out of it before the edge."""
+    """In its middle sin a is left, a half of the angle under which the sky is seen; the mean over all slices of
+    sin^2 h, h the angle to the horizon. What the image does not show is open: some slices leave it before the edge."""
     turn = (np.arange(1000) + 0.5) * np.pi / 2000
     tan_h = SLIT_WIDTH / 2 / SLIT_DEPTH / np.cos(turn)
     horizon = tan_h**2 / (1 + tan_h**2)
