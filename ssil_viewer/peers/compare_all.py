@@ -38,17 +38,16 @@ def check_settings(settings: Settings) -> None:
 
 def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settings: Settings,
                 camera: Camera | None = None, frames: int = 16, timed_frames: int | None = None,
-                visibilities: Sequence[str] = VISIBILITIES, progress: Progress = lambda what, share: None,
-                context: moderngl.Context | None = None) -> None:
+                progress: Progress = lambda what, share: None, context: moderngl.Context | None = None) -> None:
     """Compare simpler methods and our visibility modes with the references of a comparison of the same view.
 
-    The result gets a key `methods`, and the pictures each method's image, by its name; see docs/compare.md.
+    The result gets a key `methods`, and the pictures each method's image, by its name; see docs/compare.md. The time to
+    meet at equal time is that of the settings' visibility.
 
     Args:
         done: What `compare` returned for the other arguments.
         frames: Frames rendered before the result is taken.
         timed_frames: Frames of each time that count; None takes those of `tune`.
-        visibilities: Which of our modes; that of the settings always takes part, and its time is the one to meet.
 
     Raises:
         UserError: No OpenGL, not one bounce, or not enough memory.
@@ -58,7 +57,7 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
     context = context or create_headless_context()
     try:
         _ComparingAll(context, scene, done, size, settings, camera or default_camera(scene), frames, timed_frames,
-                      {settings.visibility, *visibilities}, progress).run()
+                      progress).run()
     finally:
         if own:
             context.release()
@@ -68,12 +67,10 @@ class _ComparingAll:
     """One comparison; its parts share what is here."""
 
     def __init__(self, context: moderngl.Context, scene: Scene, done: Comparison, size: tuple[int, int],
-                 settings: Settings, camera: Camera, frames: int, timed_frames: int | None, visibilities: set[str],
-                 progress: Progress) -> None:
+                 settings: Settings, camera: Camera, frames: int, timed_frames: int | None, progress: Progress) -> None:
         self._context, self._scene, self._done, self._size = context, scene, done, size
         self._settings, self._camera, self._frames, self._progress = settings, camera, frames, progress
         self._timed_frames = timed_frames
-        self._left_out = {f"ssil_{name}" for name in VISIBILITIES} - {f"ssil_{name}" for name in visibilities}
         self._target_name = f"ssil_{settings.visibility}"
         self._target_ms = 0.0
         self._picture: metrics.TruePicture | None = None
@@ -87,7 +84,7 @@ class _ComparingAll:
                 return
             where = describe(renderer)
             self._timed_frames = self._timed_frames or FRAMES[renderer.timers.source]
-            methods = [m for m in our_methods(self._settings, self._size) if m.name not in self._left_out]
+            methods = our_methods(self._settings, self._size)
             target = next(m for m in methods if m.name == self._target_name)
             for method in (target, *(m for m in methods if m is not target)):
                 self._compare(renderer, method, self._our_light)
