@@ -160,9 +160,9 @@ def _methods(found: list[tuple[str, str, dict]]) -> list[str]:
         return []
     first = measured[0][1]
     lines = ["## Other methods", "",
-             "Simpler methods at their best beside ours ([what they are](compare.md#other-methods)), as they are and with",
-             f"the samples that take about the time of SSIL with `--visibility {PEERS_BESIDE}`. Relative RMSE of the image",
-             "against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
+             "Simpler methods at their best beside ours ([what they are](compare.md#other-methods)), as they are and",
+             f"with the samples that take about the time of SSIL with `--visibility {PEERS_BESIDE}`. Relative RMSE of",
+             "the image against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
              f"{first['clock']}.", ""]
     head = "scene", "method", "samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible"
     for title, of in (("As they are:", lambda methods: methods["rows"]),
