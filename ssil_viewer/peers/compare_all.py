@@ -215,8 +215,10 @@ class _ComparingAll:
         return occlusion_method(self._settings, Occlusion(min(errors, key=errors.get)))
 
     def _one_error(self, image: np.ndarray, irradiance: np.ndarray) -> float:
+        """To choose by; of a truth without light there is none, and everything is as bad."""
         found = self._errors(image, irradiance)
-        return (found["image"] or list(found["irradiance"].values())[-1])["relative_rmse"]
+        error = (found["image"] or list(found["irradiance"].values())[-1])["relative_rmse"]
+        return np.inf if error is None else error
 
     def _occluded_light(self, renderer: Renderer) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
         return self._ambient(renderer, renderer.read("indirect").astype(np.float64))
