@@ -23,7 +23,8 @@ RADII = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
 EQUAL = 0.05
 """Times that differ by no more than this share count as equal: one run differs from the next by as much."""
 
-_TRIES = 4      # further measurements in the search for a time
+_TRIES = 5      # further measurements in the search for a time
+_FURTHEST = 8   # times as much or as little work from one of them to the next
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,20 @@ def nearest_work(measure: Callable[[int], float], target: float, work: int, ms: 
 
 
 def _predicted(tried: Mapping[int, float], target: float) -> float:
-    """Where the line through the two measurements nearest to the target, or through zero and the only one, meets it."""
-    nearest = sorted(tried, key=lambda at: abs(tried[at] - target))[:2]
-    (a, *b) = nearest
-    if b and (tried[b[0]] - tried[a]) * (b[0] - a) > 0:
-        return a + (target - tried[a]) * (b[0] - a) / (tried[b[0]] - tried[a])
-    return a * target / tried[a]
+    """Which work takes the time: between two that take less and more, or beyond those that were tried."""
+    less = [work for work, ms in tried.items() if ms <= target]
+    more = [work for work, ms in tried.items() if ms > target]
+    if less and more:
+        a, b = max(less), min(more)
+        return a + (target - tried[a]) * (b - a) / (tried[b] - tried[a])
+    ordered = sorted(tried, reverse=bool(less))     # from the end beyond which it lies
+    end = ordered[0]
+    if len(ordered) == 1:
+        return end * target / tried[end]
+    slope = (tried[ordered[1]] - tried[end]) / (ordered[1] - end)
+    # Noise can make the line flat or turn it around, so no step is larger than this
+    steps = end / _FURTHEST, end * _FURTHEST
+    return min(max(end + (target - tried[end]) / slope, steps[0]), steps[1]) if slope > 0 else steps[bool(less)]
 
 
 def _highest(setting: str) -> float:
