@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Iterable, Iterator, Literal, Sequence
+from typing import Callable, Iterable, Iterator, Literal, Sequence
 
 import moderngl
 
@@ -132,7 +132,7 @@ class PassRunner:
     """A sequence of passes with all that it needs on the GPU, for one image size and one set of settings.
 
     Args:
-        passes: In the order in which they run.
+        passes: What makes them, mostly their classes, in the order in which they run.
         size: Image width and height in pixels, without the guard band.
         stage: How screen passes compile; "auto" is compute where OpenGL is 4.3 or newer.
         keep: Optional targets to allocate, such as "final".
@@ -151,7 +151,7 @@ class PassRunner:
         UserError: OpenGL is too old, or the size does not fit.
     """
 
-    def __init__(self, context: moderngl.Context, passes: Sequence[type[Pass]], size: tuple[int, int],
+    def __init__(self, context: moderngl.Context, passes: Sequence[Callable[[], Pass]], size: tuple[int, int],
                  settings: Settings, *, stage: Literal["auto", "compute", "fragment"] = "auto",
                  keep: Iterable[str] = (), timed: bool = True) -> None:
         self.context = context

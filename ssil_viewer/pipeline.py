@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ContextManager, Iterable, Literal, Sequence
+from typing import Callable, ContextManager, Iterable, Literal, Sequence
 
 import moderngl
 import numpy as np
@@ -88,7 +88,7 @@ class Renderer:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings = Settings(), *,
                  stage: Literal["auto", "compute", "fragment"] = "auto", keep: Iterable[str] = (),
-                 passes: Sequence[type[Pass]] = FRAME) -> None:
+                 passes: Sequence[Callable[[], Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
         self.context = context
         self._settings = settings

@@ -120,7 +120,7 @@ class Settings:
     radius: Annotated[float, Knob(
         "Radius of the disc and of the rings at every level, in texels of a 720-line image. "
         "The reach is radius * 2^(start level + levels - 1) pixels; a wide disc is noisier close by.",
-        1.0, 256.0, "texels", log=True)] = 48.0
+        1.0, 512.0, "texels", log=True)] = 48.0
     form_factor: Annotated[Literal["disc", "point"], Knob(
         "disc: point-to-disc form factor, finite at contact. point: the plain one, which explodes there; "
         "for comparison.")] = "disc"

@@ -1,6 +1,6 @@
 """Measures the built-in scenes against the references and writes docs/quality.md from what comes out.
 
-    .venv/bin/python tools/make_quality.py                  # all of it, about a quarter of an hour on two cores
+    .venv/bin/python tools/make_quality.py                  # all of it, about three quarters of an hour on two cores
     .venv/bin/python tools/make_quality.py builtin:cornell  # this scene again, the others as they are
     .venv/bin/python tools/make_quality.py --page           # the page alone, from docs/quality.json
 
@@ -19,6 +19,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from ssil_viewer.peers.compare_all import compare_all  # noqa: E402
 from ssil_viewer.reference.bounce_series import bounce_series  # noqa: E402
 from ssil_viewer.reference.compare import DIFFERENCES, Effort, Progress, compare  # noqa: E402
 from ssil_viewer.reference.path_traced import path_trace, working_variant  # noqa: E402
@@ -28,6 +29,7 @@ from ssil_viewer.settings import Settings  # noqa: E402
 SCENES = "builtin:cornell", "builtin:arch", "builtin:atrium"
 VISIBILITY = "off", "horizon"
 SIZE, FRAMES, SAMPLES = (1280, 720), 16, 256
+PEERS_BESIDE = "horizon"    # the mode whose time the other methods meet
 SERIES = "builtin:cornell"
 SERIES_SIZE = 640, 360
 EFFORT = Effort(seconds=150.0)
@@ -62,8 +64,11 @@ def measure(name: str, data: dict) -> None:
     camera = default_camera(scene)
     data["variant"] = working_variant()
     for visibility in VISIBILITY:
-        done = compare(scene, size=SIZE, settings=Settings(samples=SAMPLES, visibility=visibility), camera=camera,
-                       frames=FRAMES, effort=EFFORT, trace=trace, progress=_say(f"{name} {visibility}"))
+        view = dict(size=SIZE, settings=Settings(samples=SAMPLES, visibility=visibility), camera=camera, frames=FRAMES,
+                    progress=_say(f"{name} {visibility}"))
+        done = compare(scene, effort=EFFORT, trace=trace, **view)
+        if visibility == PEERS_BESIDE:
+            compare_all(scene, done, **view)
         data["comparisons"][f"{name} {visibility}"] = done.result
     if name == SERIES:
         data["series"], warnings = bounce_series(
@@ -102,7 +107,7 @@ def write_page(data: dict) -> None:
              f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default; means over "
              f"{found[0][2]['block']}x{found[0][2]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md).", ""]
-    for part in (_irradiance, _differences, _images):
+    for part in (_irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
         lines += _series(data["series"])
@@ -146,6 +151,31 @@ def _images(found: list[tuple[str, str, dict]]) -> list[str]:
                 (_short(scene), visibility, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
                     *(result["image"][kind] for kind in kinds), result["image_noise"])))
                 for scene, visibility, result in found])]
+
+
+def _methods(found: list[tuple[str, str, dict]]) -> list[str]:
+    """Of the scenes that were measured with them."""
+    measured = [(scene, result["methods"]) for scene, _, result in found if "methods" in result]
+    if not measured:
+        return []
+    first = measured[0][1]
+    lines = ["## Other methods", "",
+             "Simpler methods at their best beside ours ([what they are](compare.md#other-methods)), as they are and",
+             f"with the samples that take about the time of SSIL with `--visibility {PEERS_BESIDE}`. Relative RMSE of",
+             "the image against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
+             f"{first['clock']}.", ""]
+    head = "scene", "method", "samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible"
+    for title, of in (("As they are:", lambda methods: methods["rows"]),
+                      ("At equal time:", lambda methods: methods["equal_time"]["rows"])):
+        lines += [title, "", *_table(head, [_method_row(scene, row) for scene, methods in measured
+                                            for row in of(methods)])]
+    return lines
+
+
+def _method_row(scene: str, row: dict) -> tuple[str, ...]:
+    return (_short(scene), row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
+            *(_number(row["image"].get(key)) for key in ("relative_rmse", "flip")),
+            *(_number(row["irradiance"].get(kind, {}).get("relative_rmse")) for kind in ("R1", "R2", "R3_visible")))
 
 
 def _series(series: list[dict]) -> list[str]:

@@ -24,23 +24,7 @@ Surface load_level(ivec2 px, int coarser) {
     return load_surface(px);
 }
 
-// What is seen at a place in texels, exactly there: the texel's surface is followed along its plane, or else rounding would
-// leave the slice, and a plane seen at a grazing angle would hide itself.
-struct Seen {
-    vec3 position, normal;
-    float view_depth;   // 0 is background
-};
-
-Seen seen_at(vec2 at, int coarser) {
-    ivec2 px = ivec2(at) >> coarser;
-    Surface met = load_level(px, coarser);
-    vec2 scale = frame.ray_scale * texel;
-    vec3 middle = vec3(ray_from_pixel((vec2(px) + 0.5) * float(1 << coarser), scale, frame.ray_origin), -1.0);
-    vec3 ray = vec3(ray_from_pixel(at, scale, frame.ray_origin), -1.0);
-    float ahead = min(dot(met.normal, ray), -1e-4);
-    float view_depth = met.view_depth * clamp(dot(met.normal, middle) / ahead, 0.5, 2.0);
-    return Seen(ray * view_depth, met.normal, view_depth);
-}
+#include "lib/slices.glsl"
 
 // Whether two places belong to one surface, or to two that meet: they share a plane, or their depths differ by no more than
 // a slope of 63 degrees makes over their distance on the screen. Then all that lies between them is blocked, too.
@@ -59,24 +43,12 @@ uint sectors_between(float low, float high) {
     return (count >= 32 ? 0xFFFFFFFFu : (1u << uint(count)) - 1u) << uint(first);
 }
 
-// A slice through the point p. to_camera and along are unit vectors at right angles in its plane; `along` is where the
-// walk goes. turn: angle of the surface's normal in the plane, from to_camera towards `along`.
-struct Slice {
-    vec3 to_camera, along;
-    float turn;
-};
-
 // Marks what lies to one side of the point.
 uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
-    // Where the point would move on the screen; all of the line is seen as this slice
-    vec3 to = slice.along * side;
-    vec2 moved = (to.xy * -p.z + p.xy * to.z) / frame.ray_scale;
-    float speed = length(moved);
-    if (speed < 1e-20) return 0u;
-    vec2 direction = moved / speed;
+    vec2 direction;
+    float reach;
+    if (!find_line(side, slice, p, center, direction, reach)) return 0u;
     // All steps lie between the first texel and the edge of the image: what is not seen is open
-    vec2 ahead = (step(0.0, direction) * vec2(size_surface()) - center) / mix(direction, vec2(1e-6), equal(direction, vec2(0.0)));
-    float reach = min(abs(ahead.x), abs(ahead.y));
     float growth = pow(max(reach, 1.0), 1.0 / float(steps)), radius = pow(growth, jitter);
     if (reach <= 1.0) return 0u;
     float texel_width = max(frame.ray_scale.x, frame.ray_scale.y) * texel;
@@ -137,20 +109,13 @@ void shade(ivec2 px) {
     if (surface.view_depth <= 0.0) return;
     vec2 center = vec2(px) + 0.5;
     vec3 p = position_from_ray(ray_from_pixel(center, frame.ray_scale * texel, frame.ray_origin), surface.view_depth);
-    vec3 to_camera = normalize(-p);
-    vec3 across = normalize(cross(to_camera, abs(to_camera.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0)));
-    vec3 upward = cross(across, to_camera);
+    Slice slice = first_slice(p);
     vec2 jitter = interleaved_4x4(px);
     vec3 all = vec3(0.0), free = vec3(0.0);
     for (int i = 0; i < directions; ++i) {
-        vec2 turned = direction_from_turn((float(i) + jitter.x) / (2.0 * float(directions)));
-        Slice slice;
-        slice.to_camera = to_camera;
-        slice.along = across * turned.x + upward * turned.y;
-        vec2 normal = vec2(dot(surface.normal, to_camera), dot(surface.normal, slice.along));
-        slice.turn = atan(normal.y, normal.x);
+        float normal_length = turn_slice(slice, (float(i) + jitter.x) / (2.0 * float(directions)), surface.normal);
         uint blocked = blocked_on(1.0, slice, p, center, jitter.y) | blocked_on(-1.0, slice, p, center, jitter.y);
-        add_slice(slice, length(normal), blocked, all, free);
+        add_slice(slice, normal_length, blocked, all, free);
     }
     // A channel without any light has no share; it counts as open
     out_sky_noisy = vec4(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,

@@ -55,6 +55,9 @@ def add_flags(parser: Parser) -> None:
                        help="R3 takes no more samples after so long, for irradiance and image each; default 120")
     group.add_argument("--bounce-series", action="store_true",
                        help="also compare the image after 0 to 4 bounces with all light of the path tracer")
+    group.add_argument("--all", action="store_true",
+                       help="also compare error and time of every --visibility and of simpler methods: constant "
+                       "ambient light, ambient occlusion, a gather of a single level")
     group.add_argument("--on-gpu", action="store_true",
                        help="make R1 and R2 by OpenGL, of all pixels, R2 without embreex; slow on software OpenGL")
     group.add_argument("--heat-map", metavar="FILE", help="write the error of irradiance against R2, or R1 without "
@@ -76,6 +79,10 @@ def run(args: argparse.Namespace) -> None:
     if heat_map is not None and not {"R1", "R2"} & set(references):
         raise UserError("a heat map shows the error against R1 or R2", "--heat-map", "name one of them in --reference")
     settings = shared.settings_of(args)
+    if args.all:
+        from ssil_viewer.peers.compare_all import check_settings, compare_all
+
+        check_settings(settings)
 
     from ssil_viewer.reference.compare import Effort, compare
     from ssil_viewer.reference.gpu_pictures import Scale
@@ -88,6 +95,9 @@ def run(args: argparse.Namespace) -> None:
     with _progress() as heard:
         done = compare(scene, size=args.size, settings=settings, camera=camera, frames=args.frames or FRAMES,
                        effort=effort, progress=heard)
+        if args.all:
+            compare_all(scene, done, size=args.size, settings=settings, camera=camera, frames=args.frames or FRAMES,
+                        progress=heard)
         if args.bounce_series:
             from ssil_viewer.reference.bounce_series import bounce_series
 
@@ -171,6 +181,12 @@ def print_tables(done: Comparison) -> None:
     table("bounces against all light", ("bias", "relative RMSE", "path tracer as far"), [
         (str(x["bounces"]), _share(x["bias"]), _number(x["relative_rmse"]), _number(x["path_traced_relative_rmse"]))
         for x in result.get("bounces", [])])
+    if methods := result.get("methods"):
+        table(f"methods; ms by {methods['clock']}, medians of {methods['timed_frames']} frames", _METHOD_HEAD,
+              _method_rows(methods["rows"]))
+        equal = methods["equal_time"]
+        table(f"methods with the samples that take about the {equal['ms']:.3g} ms of {equal['to']}", _METHOD_HEAD,
+              _method_rows(equal["rows"]))
     for name, seconds in result["seconds"].items():
         console.print(f"{name}: {seconds:.0f} s", highlight=False)
 
@@ -184,6 +200,17 @@ _MEANINGS = {
     "missing_layers": "R3_visible to R3: off screen and hidden layers",
     "all": "ours to R3: all of it",
 }
+
+
+_METHOD_HEAD = ("samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible")
+
+
+def _method_rows(rows: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Errors are relative RMSE, of the image against R3 and of irradiance against each reference."""
+    return [(row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
+             *(_number((row["image"] or {}).get(key)) for key in ("relative_rmse", "flip")),
+             *(_number(row["irradiance"].get(name, {}).get("relative_rmse")) for name in ("R1", "R2", "R3_visible")))
+            for row in rows]
 
 
 def _share(value: float | None) -> str:

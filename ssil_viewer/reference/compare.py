@@ -63,6 +63,30 @@ class Effort:
     heat_map: Scale | None = None
 
 
+@dataclass(frozen=True)
+class Blocks:
+    """What irradiance is compared with, for methods that are compared with the same.
+
+    Attributes:
+        rows, columns: (B, BLOCK, BLOCK) pixels of each block.
+        references: Name -> (B, 3), means of each block, W m^-2.
+    """
+
+    rows: np.ndarray
+    columns: np.ndarray
+    references: dict[str, np.ndarray]
+
+    def means(self, irradiance: np.ndarray) -> np.ndarray:
+        """(B, 3) of an image's irradiance, (H, W, 3)."""
+        return irradiance[self.rows, self.columns].mean((1, 2))
+
+    def agreement(self, irradiance: np.ndarray) -> dict[str, dict[str, float]]:
+        """Of an image's irradiance, (H, W, 3), with each reference: see `metrics.agreement`."""
+        means = self.means(irradiance)
+        return {name: metrics.agreement(means, self.references[name])
+                for name in ("R1", "R2", "R3_visible", "R3") if name in self.references and len(means)}
+
+
 @dataclass
 class Comparison:
     """What came out.
@@ -73,12 +97,14 @@ class Comparison:
         heat_map: (H, W, 3) uint8, the error as colours, with their scale; None unless asked for.
         pictures: Name -> (H, W, 3) float32 linear: "ssil", "direct_only", "constant_ambient", "R3", where they exist;
             with R1 and R2 on the GPU irradiance, too: "irradiance", "irradiance_R1", "irradiance_R2".
+        blocks: What irradiance was compared with; None before the end.
     """
 
     result: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     heat_map: np.ndarray | None = None
+    blocks: Blocks | None = None
 
 
 def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
@@ -128,9 +154,9 @@ class _Comparing:
         try:
             receivers = read_surfaces(renderer, self._camera)
             self._blocks(receivers)
-            ours = renderer.read("indirect")[self._rows, self._columns]
+            ours = renderer.read("indirect")
             self._occlusion = renderer.read("occlusion")[self._rows, self._columns][..., None].astype(np.float64)
-            self._ours = ours.mean((1, 2))
+            self._ours = ours[self._rows, self._columns].mean((1, 2))
             found = self._sums(renderer, receivers)
             if self._settings != one_bounce:
                 renderer.release()
@@ -140,8 +166,8 @@ class _Comparing:
             renderer.release()
         noise = self._noise(one_bounce)
         result = self._done.result
-        result["irradiance"] = {name: metrics.agreement(self._ours, found[name]) for name in (
-            "R1", "R2", "R3_visible", "R3") if name in found and len(self._rows)}
+        self._done.blocks = Blocks(self._rows, self._columns, found)
+        result["irradiance"] = self._done.blocks.agreement(ours)
         result["differences"] = self._differences(found, noise)
         result["warnings"] = self._done.warnings
         return self._done
@@ -293,18 +319,12 @@ class _Comparing:
         if not len(means["R3"]):
             self._done.warnings.append("no image is compared: it has no block of pixels without background")
             return
-        # Least squares, for each channel; light is not negative
-        ambient = np.maximum((means["albedo"] * (means["R3"] - means["direct"])).sum(0)
-                             / np.maximum((means["albedo"]**2).sum(0), 1e-12), 0)
+        ambient = metrics.best_factor(means["albedo"], means["R3"] - means["direct"])
         # Behind everything there is the same backdrop in all
         truth = np.where(visible[..., None], found["image"], direct)
         images = {"ssil": ours, "direct_only": direct, "constant_ambient": direct + albedo * ambient}
-        shown, compared = renderer.displayed(truth), {}
-        for name, image in images.items():
-            compared[name] = {"relative_rmse": metrics.agreement(
-                metrics.block_means(image, visible, BLOCK), means["R3"])["relative_rmse"]}
-            if metrics.has_flip():
-                compared[name]["flip"] = metrics.flip(renderer.displayed(image), shown)
+        picture = metrics.TruePicture(truth, visible, BLOCK, renderer.displayed)
+        compared = {name: picture.error(image) for name, image in images.items()}
         result = self._done.result
         result["image"] = compared
         result["image_bounces"] = _path_bounces(self._settings)

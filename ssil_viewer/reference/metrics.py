@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from typing import Callable
 
 import numpy as np
 
@@ -64,3 +65,40 @@ def flip(test: np.ndarray, reference: np.ndarray) -> float:
     encoded = [np.ascontiguousarray(image, np.float32) / np.float32(255) for image in (reference, test)]
     _, mean, _ = flip_evaluator.evaluate(encoded[0], encoded[1], "LDR", inputsRGB=True, applyMagma=False)
     return float(mean)
+
+
+def best_factor(part: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(C,): the factor of each channel, not negative, that brings one light nearest to another (least squares).
+
+    Args:
+        part, wanted: (B, C).
+    """
+    return np.maximum((part * wanted).sum(0) / np.maximum((part**2).sum(0), 1e-12), 0)
+
+
+class TruePicture:
+    """A picture that others are compared with: means of its blocks, and how it is displayed.
+
+    Args:
+        image: (H, W, 3) linear, row 0 = top.
+        visible: (H, W) bool, False on background.
+        side: Of the blocks, in pixels.
+        displayed: What displays an image, to (H, W, 3) uint8.
+    """
+
+    def __init__(self, image: np.ndarray, visible: np.ndarray, side: int,
+                 displayed: Callable[[np.ndarray], np.ndarray]) -> None:
+        self._visible, self._side, self._displayed = visible, side, displayed
+        self.means = self.means_of(image)
+        self._shown = displayed(image) if has_flip() else None
+
+    def means_of(self, image: np.ndarray) -> np.ndarray:
+        """`block_means` of another image, of the same blocks."""
+        return block_means(image, self._visible, self._side)
+
+    def error(self, image: np.ndarray) -> dict[str, float]:
+        """relative_rmse over means of blocks and, where it is installed, flip of the whole image."""
+        found = {"relative_rmse": agreement(self.means_of(image), self.means)["relative_rmse"]}
+        if self._shown is not None:
+            found["flip"] = flip(self._displayed(image), self._shown)
+        return found

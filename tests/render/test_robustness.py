@@ -51,7 +51,7 @@ def test_presets(make_renderer, context, name):
 
 SWITCHES = ({"form_factor": "point"}, {"mip_filter": "nearest"}, {"mip_filter": "average"}, {"upsampling": "nearest"},
             {"temporal": False}, {"levels": 1}, {"start_level": 0, "levels": 8}, {"start_level": 6, "levels": 8},
-            {"samples": 1}, {"radius": 1.0}, {"radius": 256.0})
+            {"samples": 1}, {"radius": 1.0}, {"radius": 512.0})
 
 
 @pytest.mark.parametrize("change", SWITCHES, ids=lambda c: "-".join(f"{k}={v}" for k, v in c.items()))

@@ -21,7 +21,7 @@ LAYERS = (
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),
-    ("reproduce",),
+    ("reproduce", "peers"),
     ("commands",),
     ("cli",),
     ("__main__",),

@@ -1,0 +1,21 @@
+// Values whose noise differs in each of 4x4 texels, without it: a cross-bilateral window that sees each of the 16 once, whatever
+// its phase. Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, 25.
+#include "lib/bilateral.glsl"
+
+vec3 without_noise(ivec2 px, Surface receiver) {
+    ivec2 last = size_surface() - 1;
+    vec2 scale = frame.ray_scale * texel;
+    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin), receiver.view_depth);
+    vec3 sum = vec3(0.0);
+    float total = 0.0;
+    for (int i = 0; i < window; ++i) {
+        ivec2 offset = ivec2(i % 5, i / 5) - 2;
+        ivec2 at = clamp(px + offset, ivec2(0), last);
+        Surface tap = load_surface(at);
+        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
+                     * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
+        sum += load_noisy(at) * weight;
+        total += weight;
+    }
+    return total > 0.0 ? sum / total : load_noisy(px);
+}
