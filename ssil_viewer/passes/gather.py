@@ -14,18 +14,24 @@ if TYPE_CHECKING:
     from ssil_viewer.pass_runner import Frame
 
 
-_STEP = 3.0         # texels at 720 lines from one sample of a row to the next: measured, see docs/method/horizon.md
+_STEP = 4.0         # texels at 720 lines from one sample of a row to the next: measured, see docs/method/horizon.md
+_SHORTEST_STEP = 1.0    # texels: less meets texels again, and the more often, the more do they seem to hide one another
+_MOST_STEPS = 32        # beyond, neighbours on one surface hide one another more than is gained
 _FEWEST_ROWS = 4    # pixels of a 4x4 block turn theirs against one another, which makes 64 directions of them
 
 
-def rows_and_steps(settings: Settings) -> dict[str, int]:
+def rows_and_steps(settings: Settings, radius: float) -> dict[str, int]:
     """Into how many rows the samples of a pixel are laid for `--visibility horizon`, and how many lie in each.
 
     What stands between two samples of a row is missed, so they must not be far apart. The numbers do not depend on the
-    size of the image, so that what is missed does not, either.
+    size of the image, small ones aside, so that what is missed does not, either.
+
+    Args:
+        radius: Of the disc and of the rings, in texels of this image.
     """
     samples = settings.samples
-    steps = max(1, min(max(round(settings.radius / _STEP), math.isqrt(samples // 2)), samples // _FEWEST_ROWS))
+    wanted = max(round(settings.radius / _STEP), math.isqrt(samples // 2))
+    steps = max(1, min(wanted, _MOST_STEPS, samples // _FEWEST_ROWS, int(radius / _SHORTEST_STEP)))
     return {"directions": samples // steps, "steps": steps}
 
 
@@ -58,7 +64,7 @@ class Gather(ScreenPass):
         unread = {"voxels", "voxels_far", "depth_range"}
         if frame.settings.visibility == "voxel":
             unread = {"voxels_far"} if frame.settings.voxel_slices == 128 else set()
-        rows = rows_and_steps(frame.settings)
+        rows = rows_and_steps(frame.settings, frame.radius)
         first = frame.settings.start_level
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
