@@ -61,18 +61,18 @@ def run(args: argparse.Namespace) -> None:
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
     from ssil_viewer.compile_ahead import compiling_ahead
-    from ssil_viewer.gpu.context import create_headless_context
+    from ssil_viewer.gpu.context import create_headless_context, read_capabilities
     from ssil_viewer.pipeline import Renderer
 
     context = create_headless_context()
     try:
-        renderer = Renderer(context, args.size, settings, keep=_KEEP)
-        try:
-            _check_memory(renderer)
-            view = _check_view(view, renderer) if view else None
-            if view and target.suffix.lower() == ".png":
-                renderer.show_buffer(*view)
-            with compiling_ahead(renderer.capabilities, args.size, settings, keep=_KEEP) as tell_scene:
+        with compiling_ahead(read_capabilities(context), args.size, settings, keep=_KEEP) as tell_scene:
+            renderer = Renderer(context, args.size, settings, keep=_KEEP)
+            try:
+                _check_memory(renderer)
+                view = _check_view(view, renderer) if view else None
+                if view and target.suffix.lower() == ".png":
+                    renderer.show_buffer(*view)
                 scene = shared.load(args)
                 tell_scene(scene)
                 camera = shared.camera_of(args, scene)
@@ -81,11 +81,11 @@ def run(args: argparse.Namespace) -> None:
                 _render_frames(renderer, camera, frames)
                 shared.warn(renderer.warnings)
                 _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
-            print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")
-            if args.timings:
-                print_timings(renderer)
-        finally:
-            renderer.release()
+                print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")
+                if args.timings:
+                    print_timings(renderer)
+            finally:
+                renderer.release()
     finally:
         context.release()
 
