@@ -3,12 +3,35 @@
 // Distance to the plane at which a tap's weight is halved, relative to the view depth.
 const float PLANE_TOLERANCE = 0.01;
 
-// Agreement of a tap with a receiver at p: of their normals, and of the tap's distance to the receiver's tangent plane.
-float agreement(Surface receiver, vec3 p, Surface tap, vec2 tap_ray) {
+// The tangent plane of a receiver.
+struct Plane {
+    vec3 normal;
+    float offset;           // dot(normal, position)
+    float nearness;         // 1 / (tolerance * view depth)
+};
+
+Plane tangent_plane(Surface receiver, vec2 ray) {
+    return Plane(receiver.normal, dot(receiver.normal, position_from_ray(ray, receiver.view_depth)),
+                 1.0 / (receiver.view_depth * PLANE_TOLERANCE));
+}
+
+// dot(normal, ray) over the texels of an image: linear, so that taps need neither their ray nor their position.
+struct Slant {
+    float at;               // at the centre of a texel
+    vec2 step;              // to the next ones
+};
+
+Slant slant(vec3 normal, ivec2 px, vec2 scale) {
+    vec2 ray = ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin);
+    return Slant(dot(normal, vec3(ray, -1.0)), normal.xy * scale);
+}
+
+// Agreement of a tap with a receiver: of their normals, and of the tap's distance to the receiver's tangent plane.
+// apart: texels from the one of the slant, which is the receiver's.
+float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
     float facing = max(dot(receiver.normal, tap.normal), 0.0);
     facing *= facing;
     facing *= facing;
-    float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
-                    / (receiver.view_depth * PLANE_TOLERANCE);
+    float off_plane = (tap.view_depth * (slant.at + dot(slant.step, apart)) - receiver.offset) * receiver.nearness;
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
 }

@@ -5,7 +5,8 @@
 vec3 without_noise(ivec2 px, Surface receiver) {
     ivec2 last = size_surface() - 1;
     vec2 scale = frame.ray_scale * texel;
-    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin), receiver.view_depth);
+    Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin));
+    Slant slanted = slant(receiver.normal, px, scale);
     vec3 sum = vec3(0.0);
     float total = 0.0;
     for (int i = 0; i < window; ++i) {
@@ -13,7 +14,7 @@ vec3 without_noise(ivec2 px, Surface receiver) {
         ivec2 at = clamp(px + offset, ivec2(0), last);
         Surface tap = load_surface(at);
         float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
+                     * agreement(plane, slanted, tap, vec2(at - px));
         sum += load_noisy(at) * weight;
         total += weight;
     }

@@ -31,7 +31,7 @@ Sum plus(Sum a, Sum b) {
 
 #ifdef HAS_GATHER
 // The gather's rotations repeat every 4 texels: this window sees each of the 16 once, whatever its phase.
-Sum denoised(ivec2 px, Surface receiver, vec3 p) {
+Sum denoised(ivec2 px, Surface receiver, Plane plane) {
 #if UPSAMPLING == 1
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
@@ -39,7 +39,7 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
     return sum;
 #else
     ivec2 last = size_gather() - 1;
-    vec2 scale = frame.ray_scale * texel;
+    Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float total = 0.0;
     for (int i = 0; i < window; ++i) {
@@ -47,7 +47,7 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
         ivec2 at = clamp(px + offset, ivec2(0), last);
         Surface tap = load_surface(at);
         float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
+                     * agreement(plane, slanted, tap, vec2(at - px));
         add(sum, load_gather(at), tap.normal, receiver.normal, weight);
         total += weight;
     }
@@ -60,7 +60,7 @@ Sum denoised(ivec2 px, Surface receiver, vec3 p) {
 #endif
 
 #ifdef HAS_COARSE
-Sum from_coarser(ivec2 px, Surface receiver, vec3 p) {
+Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
@@ -68,20 +68,20 @@ Sum from_coarser(ivec2 px, Surface receiver, vec3 p) {
     add(sum, load_coarse(at), load_coarse_surface(at).normal, receiver.normal, 1.0);
     return sum;
 #else
-    vec2 scale = frame.ray_scale * (texel * 2.0);
     // The four coarse texels around the pixel: its own counts 3/4, its neighbour 1/4, along each axis.
     ivec2 own = px / 2;
-    ivec2 next = own + (px & 1) * 2 - 1;
+    ivec2 next = clamp(own + (px & 1) * 2 - 1, ivec2(0), last);
+    Slant slanted = slant(receiver.normal, own, frame.ray_scale * (texel * 2.0));
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     Lobe nearest = Lobe(vec3(0.0), vec3(0.0), 0.0);
     vec3 nearest_normal = receiver.normal;
     float total = 0.0, closest = 1e30;
     for (int i = 0; i < 4; ++i) {
-        ivec2 at = clamp(ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y), ivec2(0), last);
+        ivec2 at = ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y);
         Surface tap = load_coarse_surface(at);
         Lobe light = load_coarse(at);
         float kernel = ((i & 1) == 0 ? 0.75 : 0.25) * ((i & 2) == 0 ? 0.75 : 0.25);
-        float weight = kernel * agreement(receiver, p, tap, ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin));
+        float weight = kernel * agreement(plane, slanted, tap, vec2(at - own));
         add(sum, light, tap.normal, receiver.normal, weight);
         total += weight;
         float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
@@ -106,13 +106,12 @@ void shade(ivec2 px) {
     Sum light = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     Surface receiver = load_surface(px);
     if (receiver.view_depth > 0.0) {
-        vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin),
-                                   receiver.view_depth);
+        Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin));
 #ifdef HAS_GATHER
-        light = denoised(px, receiver, p);
+        light = denoised(px, receiver, plane);
 #endif
 #ifdef HAS_COARSE
-        light = plus(light, from_coarser(px, receiver, p));
+        light = plus(light, from_coarser(px, receiver, plane));
 #endif
     }
 #ifdef IMAGE_LEVEL

@@ -40,7 +40,7 @@ class Mipmap(ScreenPass):
             omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
             # texel: width of a texel that is read, in level-0 pixels. The number of neighbours is a uniform so that
             # compilers keep the loop: unrolled, it took one of them over a second.
-            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 16}, (chosen,), omit)
+            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 8}, (chosen,), omit)
 
 
 class MipmapRadiance(ScreenPass):
