@@ -68,7 +68,8 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     add(sum, load_coarse(at), load_coarse_surface(at).normal, receiver.normal, 1.0);
     return sum;
 #else
-    // The four coarse texels around the pixel: its own counts 3/4, its neighbour 1/4, along each axis.
+    // The pixel's own coarse texel and the nearest ones along either axis. Weights of 1/2 and 1/4 reproduce what is
+    // linear over the image, like the four of a bilinear filter.
     ivec2 own = px / 2;
     ivec2 next = clamp(own + (px & 1) * 2 - 1, ivec2(0), last);
     Slant slanted = slant(receiver.normal, own, frame.ray_scale * (texel * 2.0));
@@ -76,12 +77,11 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     Lobe nearest = Lobe(vec3(0.0), vec3(0.0), 0.0);
     vec3 nearest_normal = receiver.normal;
     float total = 0.0, closest = 1e30;
-    for (int i = 0; i < 4; ++i) {
-        ivec2 at = ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y);
+    for (int i = 0; i < 3; ++i) {
+        ivec2 at = ivec2(i == 1 ? next.x : own.x, i == 2 ? next.y : own.y);
         Surface tap = load_coarse_surface(at);
         Lobe light = load_coarse(at);
-        float kernel = ((i & 1) == 0 ? 0.75 : 0.25) * ((i & 2) == 0 ? 0.75 : 0.25);
-        float weight = kernel * agreement(plane, slanted, tap, vec2(at - own));
+        float weight = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(at - own));
         add(sum, light, tap.normal, receiver.normal, weight);
         total += weight;
         float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
