@@ -8,10 +8,11 @@
 #include "lib/environment.glsl"
 
 // Share of the environment's light that arrives, from the four texels of the starting level around the pixel.
-vec3 sky_share(ivec2 px, Surface receiver, vec3 p) {
+vec3 sky_share(ivec2 px, Surface receiver) {
     ivec2 last = size_sky() - 1;
     vec2 at = (vec2(px) + 0.5) / start_texel - 0.5, corner = floor(at), f = at - corner;
-    vec2 scale = frame.ray_scale * start_texel;
+    Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
+    Slant slanted = slant(receiver.normal, ivec2(corner), frame.ray_scale * start_texel);
     vec3 sum = vec3(0.0), nearest = vec3(1.0);
     float total = 0.0, closest = 1e30;
     for (int i = 0; i < 4; ++i) {
@@ -19,7 +20,7 @@ vec3 sky_share(ivec2 px, Surface receiver, vec3 p) {
         float kernel = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
         Surface tap = load_start_surface(place);
         vec3 share = load_sky(place).rgb;
-        float weight = kernel * agreement(receiver, p, tap, ray_from_pixel(vec2(place) + 0.5, scale, frame.ray_origin));
+        float weight = kernel * agreement(plane, slanted, tap, vec2(place - ivec2(corner)));
         sum += share * weight;
         total += weight;
         float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
@@ -97,7 +98,7 @@ void shade(ivec2 px) {
     vec3 normal = environment_direction(n, frame.environment_turn);
     vec3 mirror = environment_direction(reflect(-wo, n), frame.environment_turn);
     // Both the image and the material's occlusion map may know of the same hollow: it darkens once, by the stronger of them
-    vec3 open = min(sky_share(px, surface, position_vs), vec3(load_albedo(px).a));
+    vec3 open = min(sky_share(px, surface), vec3(load_albedo(px).a));
     irradiance += environment_irradiance(texture_environment_irradiance, normal) * open * frame.environment_strength;
     float n_dot_v = max(dot(n, wo), 0.0);
     float open_ahead = specular_occlusion(n_dot_v, dot(open, vec3(1.0 / 3.0)), specular.a);
@@ -108,7 +109,7 @@ void shade(ivec2 px) {
     out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
 #ifdef HAS_HISTORY
     vec4 history;
-    if (frame.history_frames > 0 && find_history(px, surface, history))
+    if (frame.history_frames > 0 && find_history(px, surface, 0.8, history))
         out_radiance += min(albedo, MOST_SENT_ON) * history.rgb * (1.0 / PI);
 #endif
 }

@@ -41,28 +41,33 @@ bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
     return surface.view_depth > 0.0 && squared > 0.0;
 }
 
-// R^2 of the disc that stands for one texel of the sender, as the receiver sees it.
-float texel_disc(Sender sender) {
+// R^2 of the disc that stands for one texel of the sender, as the receiver sees it: `above` / `below`.
+// R^2 = cos' dA / pi, dA = a z^3 / |n . Q|.
+struct Disc {
+    float above, below;
+};
+
+Disc texel_disc(Sender sender) {
     vec2 scale = frame.ray_scale * texel;
     float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
-    // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. A surface seen at a grazing angle would count for infinitely
-    // much: its cosine is held above 1 %.
-    float facing = max(-dot(sender.normal, sender.position), 0.01 * length(sender.position));
     float depth = sender.view_depth;
-    return sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth) / facing;
+    // A surface seen at a grazing angle would count for infinitely much: its cosine is held above 1 %.
+    return Disc(sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth),
+                max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)));
 }
 
 // Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`.
-float form_factor(Sender sender, float disc, float texels) {
+float form_factor(Sender sender, Disc disc, float texels) {
+    float away = sender.distance_squared * disc.below;
 #if FORM_FACTOR == 1
-    return texels * disc / sender.distance_squared;
+    return texels * disc.above / away;
 #elif SPACING == 0
     // The disc is the texel's own: a close sample stands for few texels, so the sum stays finite, and it tends to
     // the sum over all texels where a disc of the whole strip's area would stay below it.
-    return texels * disc / (sender.distance_squared + disc);
+    return texels * disc.above / (away + disc.above);
 #else
     // The disc is all that the sample stands for: what tames samples that are few near the receiver
-    return texels * disc / (sender.distance_squared + texels * disc);
+    return texels * disc.above / (away + texels * disc.above);
 #endif
 }
 

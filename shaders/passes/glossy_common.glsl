@@ -9,7 +9,8 @@ const float ROUGHNESS_TOLERANCE = 0.05;
 // tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
 float reflection_agreement(Surface receiver, vec3 p, float roughness, Surface tap, vec2 tap_ray, float tap_roughness) {
     if (tap.view_depth <= 0.0 || tap_roughness < 0.0) return 0.0;
-    float facing = pow(max(dot(receiver.normal, tap.normal), 0.0), mix(64.0, 16.0, clamp(roughness * 2.0, 0.0, 1.0)));
+    // exp(n (cos - 1)), which is cos^n near 1, without the logarithm
+    float facing = exp2((dot(receiver.normal, tap.normal) - 1.0) * mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
     float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
                     / (receiver.view_depth * REFLECTION_PLANE_TOLERANCE);
     float unlike = (tap_roughness - roughness) / ROUGHNESS_TOLERANCE;

@@ -97,9 +97,9 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
     float lobe_cos = dot(mirror.direction, sender.offset) * sender.inverse_distance;
     float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
     if (lobe_cos <= 0.0 || receiver_cos <= 0.0) return 0.0;
-    float disc = texel_disc(sender);
+    Disc disc = texel_disc(sender);
     // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
-    float exponent = widened_exponent(mirror.exponent, disc / sender.distance_squared);
+    float exponent = widened_exponent(mirror.exponent, disc.above / (disc.below * sender.distance_squared));
     // The cosine where texel and lobe overlap: the mean of the product of two Gaussians. With the texel's own, surfaces
     // that are seen at a grazing angle reflected up to half too much.
     float overlap_cos = mix(mirror.n_dot_r, receiver_cos, exponent / mirror.exponent);

@@ -1,6 +1,10 @@
 // Reflected radiance of the image: brought up from the starting level, and averaged over frames along the surface's
 // motion. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
+#ifdef HAS_HISTORY
+#define HISTORY_AT(px) vec4(load_history(px), 0.0)
+#include "lib/reproject.glsl"
+#endif
 
 Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
     ivec2 last = size_glossy_light() - 1;
@@ -10,17 +14,17 @@ Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
     return Reflection(own.radiance, roughness, 4.0);
 #else
     vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin), receiver.view_depth);
-    vec2 corner = floor(at_level), f = at_level - corner;
+    // The nearest texel and its nearest neighbours along either axis
+    vec2 own = floor(at_level + 0.5), f = at_level - own;
     ReflectionSum sum = no_reflection();
     for (int i = 0; i < taps; ++i) {
-        ivec2 offset = ivec2(i & 1, i >> 1);
-        ivec2 at = clamp(ivec2(corner) + offset, ivec2(0), last);
+        ivec2 step = ivec2(i == 1 ? (f.x < 0.0 ? -1 : 1) : 0, i == 2 ? (f.y < 0.0 ? -1 : 1) : 0);
+        ivec2 at = clamp(ivec2(own) + step, ivec2(0), last);
         Reflection tap = load_glossy_light(at);
         Surface there = load_start_surface(at);
         vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-        vec2 kernel = 1.0 - abs(vec2(offset) - f);
-        float weight = kernel.x * kernel.y
-                     * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
+        float kernel = i == 0 ? 1.0 - abs(f.x) - abs(f.y) : i == 1 ? abs(f.x) : abs(f.y);
+        float weight = kernel * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
     return mean_reflection(sum, roughness);
@@ -32,35 +36,15 @@ Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
 vec3 with_history(ivec2 px, Surface surface, Reflection now) {
     float frames = load_irradiance(px).a;
     if (frame.history_frames == 0 || frames <= 1.0) return now.radiance;
-    ivec2 size = size_surface();
-    vec4 motion = load_motion(px);
-    vec2 moved = motion.xy * (vec2(size) / frame.extent), before = vec2(px) + 0.5 - moved;
-    float expected_depth = surface.view_depth * motion.z;
-    vec3 expected = position_from_ray(ray_from_pixel(before, frame.previous_ray_scale, frame.previous_ray_origin),
-                                      expected_depth);
-    vec3 expected_normal = mat3(frame.previous_view_from_view) * surface.normal;
-    vec2 corner = floor(before - 0.5), f = before - 0.5 - corner;
-    vec3 sum = vec3(0.0);
-    float total = 0.0;
-    for (int i = 0; i < 4; ++i) {
-        ivec2 offset = ivec2(i & 1, i >> 1), at = ivec2(corner) + offset, safe = clamp(at, ivec2(0), size - 1);
-        float weight = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
-        Surface old = load_previous_surface(safe);
-        vec2 ray = ray_from_pixel(vec2(safe) + 0.5, frame.previous_ray_scale, frame.previous_ray_origin);
-        float off_plane = abs(dot(expected_normal, position_from_ray(ray, old.view_depth) - expected));
-        bool same = at == safe && old.view_depth > 0.0 && off_plane < 0.01 * expected_depth
-                    && dot(old.normal, expected_normal) > 0.9;
-        sum += load_history(safe) * (same ? weight : 0.0);
-        total += same ? weight : 0.0;
-    }
-    if (total < 0.01) return now.radiance;
+    vec4 history;
+    if (!find_history(px, surface, 0.9, history)) return now.radiance;
     // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
-    float still = 1.0 - smoothstep(0.25, 1.0, length(moved));
+    float still = 1.0 - smoothstep(0.25, 1.0, length(moved_pixels(load_motion(px))));
     float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
     // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
     // rare peaks were cut off and the mean fell by 1 %
     vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);
-    return mix(clamp(sum / total, low, high), now.radiance, 1.0 / count);
+    return mix(clamp(history.rgb, low, high), now.radiance, 1.0 / count);
 }
 #endif
 

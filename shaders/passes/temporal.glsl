@@ -11,7 +11,7 @@ void shade(ivec2 px) {
     if (frame.history_frames == 0) return;
 
     vec4 history;
-    if (!find_history(px, surface, history)) return;
+    if (!find_history(px, surface, 0.8, history)) return;
 
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
     // which the upsampling has smoothed, is far from the mean, the mean is shortened.

@@ -39,4 +39,4 @@ class GlossyResolve(ScreenPass):
         start = frame.settings.start_level
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
         omit = {"irradiance", "motion", "previous_surface", "history"} if not frame.settings.temporal else set()
-        yield Dispatch(0, {"texel": float(2**start), "taps": 4}, (chosen,), frozenset(omit))
+        yield Dispatch(0, {"texel": float(2**start), "taps": 3}, (chosen,), frozenset(omit))
