@@ -18,7 +18,7 @@ struct Shares {
 
 // Distance to the tangent plane at which a neighbour counts a quarter, relative to the view depth: of all lengths in
 // here, so that the scene's scale does not matter.
-const float REACH = 0.25;
+const float REACH = 0.15;
 
 // Share of its own footprint that a finer texel's surface has. So the largest surface of the whole footprint wins, not
 // the largest of the last few texels, and a near tie is rare.
