@@ -69,7 +69,8 @@ class Blocks:
 
     Attributes:
         rows, columns: (B, BLOCK, BLOCK) pixels of each block.
-        references: Name -> (B, 3), means of each block, W m^-2.
+        references: Name -> (B, 3), means of each block, W m^-2: R1 to R3, and "R3_diffuse", R3 without what senders
+            mirror, as "R3_visible" is, and "R3_visible_mirrored", that with it.
     """
 
     rows: np.ndarray
@@ -304,9 +305,10 @@ class _Comparing:
     def _irradiance_means(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         shape = (2, *self._rows.shape, 3)
         halves = {name: (found[key].reshape(shape) * self._occlusion).mean((2, 3))
-                  for name, key in (("R3", "all"), ("R3_visible", "visible"))}
+                  for name, key in (("R3", "all"), ("R3_visible", "visible"), ("R3_diffuse", "diffuse"),
+                                    ("R3_visible_mirrored", "visible_mirrored"))}
         self._done.result["reference_noise"] = {
-            name: metrics.noise_of_halves(*pair) for name, pair in halves.items()}
+            name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible")}
         self._done.result["path_rays"] = int(found["rays"])
         return {name: pair.mean(0) for name, pair in halves.items()}
 
@@ -359,7 +361,9 @@ DIFFERENCES = {
     "method_with_visibility": ("ours", "R2"),
     "visibility": ("R1", "R2"),
     "screen_senders": ("R2", "R3_visible"),
-    "missing_layers": ("R3_visible", "R3"),
+    "missing_layers": ("R3_visible", "R3_diffuse"),
+    "mirrored_visible": ("R3_visible", "R3_visible_mirrored"),
+    "mirrored": ("R3_diffuse", "R3"),
     "all": ("ours", "R3"),
 }
 """What the difference of two lights shows."""

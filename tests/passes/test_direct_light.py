@@ -156,8 +156,8 @@ def test_flat_and_slanted_surfaces_do_not_shade_themselves(make_renderer, kind):
 
 def test_grazing_light_does_not_creep_under_an_edge(make_renderer):
     """A screen on the wall, and a light 6 degrees off the wall's plane: a receiver that is moved off the wall moves the
-    shadow's edge by ten times as much. A texel of the map is 0.1 m wide across the light and ten times that along the wall; a
-    third of that is allowed."""
+    shadow's edge by ten times as much. A texel of the map is 0.1 m wide across the light and ten times that along the
+    wall; a third of that is allowed."""
     screen = scenes.rectangle((-1.5, -9, 0), (0, 0, 0.2), (0, 18, 0))
     slope = np.tan(np.radians(6))
     light = Light("directional", intensity=3.0, direction=tuple(np.array((1.0, 0.0, -slope)) / np.hypot(1, slope)))
