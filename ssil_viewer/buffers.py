@@ -62,6 +62,8 @@ BUFFERS: dict[str, Buffer] = {
     "radiance": Buffer(("radiance",)),
     "albedo": Buffer(("albedo",), view=REFLECTANCE, meaning="diffuse reflectance"),
     "normal": Buffer(("surface",), view=NORMAL, meaning="unit normal in view space, facing the camera"),
+    "triangle_normal": Buffer(("motion",), view=NORMAL, meaning="unit normal in view space of the triangle itself, "
+                              "without normal map or interpolation, facing the camera", more="surface"),
     "view_depth": Buffer(("surface",), (3,), DEPTH, "metres along the viewing direction, 0 = background"),
     "emission": Buffer(("emission",)),
     "specular": Buffer(("specular",), view=REFLECTANCE, meaning="reflectance at normal incidence, F0"),

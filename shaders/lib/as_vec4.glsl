@@ -6,6 +6,10 @@ vec4 as_vec4(uint v) { return vec4(vec3(float(v)), 1.0); }
 vec4 as_vec4(Lobe l) { return vec4(l.flux, l.back); }
 vec4 as_vec4(Reflection r) { return vec4(r.radiance, r.roughness); }
 vec4 as_vec4(Surface s) { return vec4(s.normal, s.view_depth); }
+// Motion, whose last component is the triangle's normal.
+vec4 as_vec4(vec4 motion, Surface s, int slice) {
+    return vec4(s.view_depth > 0.0 ? decode_direction16(motion.w) : vec3(0.0), s.view_depth);
+}
 // A column of voxels, 128 slices each: the share of occupied ones, and in the last component whether `slice` is.
 uint count_bits(uint v) {
     v -= (v >> 1) & 0x55555555u;

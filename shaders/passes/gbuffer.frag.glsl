@@ -58,6 +58,9 @@ void main() {
     n = normalize_or(t * mapped.x + b * mapped.y + n * mapped.z, n);
 #endif
     n = turned_to_camera(n, to_camera);
+    // Of the triangle itself: what decides how much surface a pixel stands for, and from which side it is seen
+    vec3 triangle = normalize_or(cross(dFdx(position_vs), dFdy(position_vs)), n);
+    triangle = dot(triangle, to_camera) < 0.0 ? -triangle : triangle;
 
     // A fully rough dielectric is taken as Lambertian: its specular lobe, 4 % of Fresnel reflection spread
     // over the hemisphere, is not told apart from the diffuse one whose albedo already counts that light.
@@ -74,7 +77,7 @@ void main() {
     // Behind the old camera there is no old pixel: a displacement out of the image says so.
     bool visible_before = clip_previous.w > frame.near * 1e-3;
     vec2 displacement = visible_before ? (now - before) * 0.5 * frame.extent : vec2(4.0);
-    out_motion = vec4(displacement, clip_previous.z / max(-position_vs.z, 1e-30), 0.0);
+    out_motion = vec4(displacement, clip_previous.z / max(-position_vs.z, 1e-30), encode_direction16(triangle));
     store_outputs();
 #ifdef ALPHA_MASK
     if (hole) discard;      // last: the lookups above take derivatives from neighbours

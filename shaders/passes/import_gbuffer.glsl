@@ -45,5 +45,5 @@ void shade(ivec2 px) {
     depth_ratio = motion.z;
 #endif
 #endif
-    out_motion = vec4(displacement, depth_ratio, 0.0);
+    out_motion = vec4(displacement, depth_ratio, encode_direction16(out_surface.normal));
 }

@@ -6,6 +6,7 @@
 // whether it is hidden decides for all of it, which is right in the mean.
 // Where even one slice of all pixels takes long, a run deals with one of `1 << 2 * part_bits` parts of the 8x8 tiles of the
 // image. The sums' alpha counts the slices.
+// TRIANGLE_NORMALS: senders are the image's own pixels, and have the normals of their triangles.
 //   one: 1 (lib/compensated.glsl).
 //   first: pixel where the image begins in what was rendered; first_sender: the same in texels of the senders' level.
 #define VISIBILITY 0
@@ -48,6 +49,9 @@ Slice add_up(Receiver receiver, ivec2 corner, uint random) {
             Sender sender;
             ivec2 at = first_sender + ivec2(x, y);
             if (!look_at(receiver, at, sender)) continue;
+#ifdef TRIANGLE_NORMALS
+            sender.normal = decode_direction16(load_motion(at).w);
+#endif
             float cosine = max(dot(receiver.normal, sender.offset), 0.0) * sender.inverse_distance;
             float factor = PI * cosine * form_factor(sender, 1.0);
             if (factor <= 0.0) continue;

@@ -195,9 +195,12 @@ _MEANINGS = {
     "noise": "noise: from seed to seed",
     "method_without_visibility": "ours to R1: noise, rings, mipmaps, visibility mode",
     "method_with_visibility": "ours to R2: noise, rings, mipmaps, error of the visibility mode",
+    "coarse_senders": "R1 with texels of the starting level as senders to R1: mipmaps",
     "visibility": "R1 to R2: visibility as a whole",
-    "screen_senders": "R2 to R3_visible: senders as texels, materials, meshes",
-    "missing_layers": "R3_visible to R3: off screen and hidden layers",
+    "screen_senders": "R2 to R3_visible: senders as pixels, direct light",
+    "missing_layers": "R3_visible to diffuse R3: off screen and hidden layers",
+    "mirrored_visible": "R3_visible without and with what senders mirror",
+    "mirrored": "diffuse R3 to R3: what senders mirror",
     "all": "ours to R3: all of it",
 }
 

@@ -28,7 +28,7 @@ class GBuffer(Pass):
         "specular": Target("reflectance", "reflectance at normal incidence F0; alpha: roughness"),
         "emission": Target("rgb9e5", "emitted radiance, W m^-2 sr^-1"),
         "motion": Target("rgba16f", "displacement since the last frame in image widths and heights; "
-                                    "z: old view depth / view depth"),
+                                    "z: old view depth / view depth; alpha: normal of the triangle itself"),
     }
 
     def execute(self, frame: SceneFrame) -> None:

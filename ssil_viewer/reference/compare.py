@@ -15,7 +15,7 @@ from ssil_viewer.gpu.light_table import look_along
 from ssil_viewer.headless import DEFAULT_SIZE, render_frames
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference import metrics
-from ssil_viewer.reference.all_pixels import Surfaces, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.all_pixels import Senders, Surfaces, irradiance, random_blocks, read_surfaces
 from ssil_viewer.reference.gpu_pictures import Scale
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
@@ -69,7 +69,9 @@ class Blocks:
 
     Attributes:
         rows, columns: (B, BLOCK, BLOCK) pixels of each block.
-        references: Name -> (B, 3), means of each block, W m^-2.
+        references: Name -> (B, 3), means of each block, W m^-2: R1 to R3; "R1_texels", with texels of
+            the starting level as senders; "R3_diffuse", R3 without what senders mirror, as "R3_visible" is, and
+            "R3_visible_mirrored", that with it.
     """
 
     rows: np.ndarray
@@ -217,30 +219,29 @@ class _Comparing:
             return {}
         if self._effort.on_gpu:
             return self._sums_on_gpu(renderer, wanted)
-        level = self._settings.start_level
-        senders, radiance = read_surfaces(renderer, self._camera, level), renderer.read("radiance", level)
+        form_factor = self._settings.form_factor
+        pixels = Senders.of_pixels(renderer, self._camera)
+        texels = Senders.of_texels(renderer, self._camera, self._settings.start_level)
         occluders = self._occluders() if "R2" in wanted else None
-        parts: dict[str, list[np.ndarray]] = {name: [] for name in wanted if name == "R1" or occluders is not None}
+        names = [name for name in wanted if name == "R1" or occluders is not None]
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "R1_texels")}
         begun = time.perf_counter()
-        chunk = 4
-        for start in range(0, len(self._rows), chunk):
-            rows, columns = self._rows[start:start + chunk], self._columns[start:start + chunk]
+        for index, (rows, columns) in enumerate(zip(self._rows, self._columns)):
             at = receivers.position[rows, columns].reshape(-1, 3), receivers.normal[rows, columns].reshape(-1, 3)
+            radiance = pixels.for_block(rows, columns, seed=index)
+            sums = {"R1_texels": irradiance(texels.surfaces, texels.radiance, *at, form_factor)}
             if occluders is None:
-                sums = {"R1": irradiance(senders, radiance, *at, self._settings.form_factor)}
+                sums["R1"] = irradiance(pixels.surfaces, radiance, *at, form_factor)
             else:
-                from ssil_viewer.reference.visible_pixels import seen_points
                 from ssil_viewer.reference.visible_pixels import sums as both_sums
-                if start == 0:
-                    ends = seen_points(receivers, senders)
-                sums = dict(zip(("R1", "R2"), both_sums(occluders, senders, ends, radiance, *at, self._effort.rays,
-                                                        self._settings.form_factor, seed=1 + start)))
+                sums |= zip(("R1", "R2"), both_sums(occluders, pixels.surfaces, receivers.position, radiance, *at,
+                                                    self._effort.rays, form_factor, seed=1 + index))
             for name, part in parts.items():
-                part.append(sums[name].reshape(*rows.shape, 3))
-            self._progress(" and ".join(parts), min(1.0, (start + chunk) / len(self._rows)))
-        for name in parts:
+                part.append((sums[name].reshape(*rows.shape, 3) * self._occlusion[index]).mean((0, 1)))
+            self._progress(" and ".join(names), (index + 1) / len(self._rows))
+        for name in names:
             self._done.result["seconds"][name] = round(time.perf_counter() - begun, 2)
-        return {name: (np.concatenate(part) * self._occlusion).mean((1, 2)) for name, part in parts.items() if part}
+        return {name: np.array(part) for name, part in parts.items()}
 
     def _sums_on_gpu(self, renderer: Renderer, wanted: list[str]) -> dict[str, np.ndarray]:
         begun, effort = time.perf_counter(), self._effort
@@ -304,9 +305,10 @@ class _Comparing:
     def _irradiance_means(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         shape = (2, *self._rows.shape, 3)
         halves = {name: (found[key].reshape(shape) * self._occlusion).mean((2, 3))
-                  for name, key in (("R3", "all"), ("R3_visible", "visible"))}
+                  for name, key in (("R3", "all"), ("R3_visible", "visible"), ("R3_diffuse", "diffuse"),
+                                    ("R3_visible_mirrored", "visible_mirrored"))}
         self._done.result["reference_noise"] = {
-            name: metrics.noise_of_halves(*pair) for name, pair in halves.items()}
+            name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible")}
         self._done.result["path_rays"] = int(found["rays"])
         return {name: pair.mean(0) for name, pair in halves.items()}
 
@@ -357,9 +359,12 @@ class _Comparing:
 DIFFERENCES = {
     "method_without_visibility": ("ours", "R1"),
     "method_with_visibility": ("ours", "R2"),
+    "coarse_senders": ("R1_texels", "R1"),
     "visibility": ("R1", "R2"),
     "screen_senders": ("R2", "R3_visible"),
-    "missing_layers": ("R3_visible", "R3"),
+    "missing_layers": ("R3_visible", "R3_diffuse"),
+    "mirrored_visible": ("R3_visible", "R3_visible_mirrored"),
+    "mirrored": ("R3_diffuse", "R3"),
     "all": ("ours", "R3"),
 }
 """What the difference of two lights shows."""

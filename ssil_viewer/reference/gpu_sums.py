@@ -67,6 +67,8 @@ class ProgressiveReference:
         renderer: Its last frame counts; its shaders' uniforms are used.
         kind: "R1" or "R2".
         rays: R2: rays for each pixel, rounded up to whole sweeps. None: whole sweeps of small slices, RAYS at least.
+        pixels: The image's own pixels send, with the normals of their triangles, as `all_pixels.Senders.of_pixels`;
+            else the texels of the starting level do, which takes a sixteenth of the time where that is a quarter.
         tables: R2: of the renderer's scene, if somebody has made them already.
 
     Raises:
@@ -74,8 +76,9 @@ class ProgressiveReference:
     """
 
     def __init__(self, renderer: Renderer, kind: Kind, rays: int | None = None,
-                 tables: TriangleTables | None = None) -> None:
+                 tables: TriangleTables | None = None, pixels: bool = False) -> None:
         self.kind = kind
+        self._pixels = pixels
         self._renderer, self._rays = renderer, rays
         self._names = ("sum", "lost", "hidden", "hidden_lost") if kind == "R2" else ("sum", "lost")
         self._triangles: GpuTriangles | None = None
@@ -96,7 +99,7 @@ class ProgressiveReference:
     def restart(self) -> None:
         """Forget the sums: the view or the light is another one. Sizes may have changed, too."""
         renderer = self._renderer
-        self._level = renderer.settings.start_level
+        self._level = 0 if self._pixels else renderer.settings.start_level
         self._senders = level_size(renderer.size, self._level)
         self._bits = slice_bits(self._senders, self._rays)
         self.slices_done = 0
@@ -205,6 +208,10 @@ class ProgressiveReference:
         types = {"texel": "float", "first": "ivec2", "first_sender": "ivec2", "senders": "ivec2", "bits": "int",
                  "first_slice": "int", "slices": "int", "fresh": "int", "part": "int", "part_bits": "int",
                  "one": "float"}
+        if self._pixels:
+            reads.append(("motion", "rgba16f"))
+            inputs["motion"] = runner.targets.texture("motion")
+            defines.append(("TRIANGLE_NORMALS", ""))
         tables: tuple[tuple[str, str], ...] = ()
         if self._triangles is not None:
             reads.append(("ends", _TEXEL))
@@ -236,7 +243,7 @@ class ProgressiveReference:
             if self._ends is not None:
                 self._ends.release()
             self._ends = TargetSet(renderer.context, renderer.size, renderer.settings,
-                                   {"ends": Target(_TEXEL, "", "start", cropped=True)})
+                                   {"ends": Target(_TEXEL, "", "start" if level else "image", cropped=True)})
         sources = self._sources()
         variant = Variant("reference/ends.glsl", (("surface", "surface"), ("receivers", "surface")), (),
                           (("ends", _TEXEL),), (("side", "int"), ("first", "ivec2"), ("first_sender", "ivec2"),

@@ -22,9 +22,6 @@ from ssil_viewer.settings import Settings
 _DIFFUSE_ROUGHNESS = 1.0
 """A dielectric as rough as this is Lambertian, as in shaders/passes/gbuffer.frag.glsl."""
 
-_LEAST_SPECULAR = 0.01
-"""Without any dielectric reflection Mitsuba's principled metals lose their colour: its index is 1 then."""
-
 
 @dataclass
 class Description:
@@ -37,6 +34,7 @@ class Description:
         lights: Descriptions of emitters and of shapes that emit.
         environment: An emitter, or None.
         masked: Whether some surface has holes.
+        mirrors: Whether some surface has more than a Lambertian part: a bsdf of the type "surface".
         approximations: One clause for each thing that Mitsuba shows otherwise.
     """
 
@@ -45,6 +43,7 @@ class Description:
     lights: list[dict[str, Any]] = field(default_factory=list)
     environment: dict[str, Any] | None = None
     masked: bool = False
+    mirrors: bool = False
     approximations: list[str] = field(default_factory=list)
 
     @property
@@ -184,7 +183,11 @@ class _Bsdfs:
         return bsdf
 
     def _reflecting(self, material: Material, base: dict[str, Any]) -> dict[str, Any]:
-        """Lambertian, or Disney's principled material where there is a reflection."""
+        """Lambertian, or, where there is a reflection, the viewer's own material, {"type": "surface"}.
+
+        Its `dielectric` is the reflectance of non-metals at normal incidence, `mean_dielectric` what is left of it at
+        the mean roughness.
+        """
         images, ref = self._scene.images, material.metallic_roughness_texture
         if ref is not None and not self._fits(material, ref, "metallic and roughness maps"):
             ref = None
@@ -198,14 +201,14 @@ class _Bsdfs:
                 roughness, metallic = mean_roughness, metallic * float(pixels[..., 2].mean()) / 255
         # The viewer fades a dielectric's reflection between roughness 0.8 and 1
         fade = min(max((mean_roughness - 0.8) / 0.2, 0), 1)
-        dielectric *= 1 - fade * fade * (3 - 2 * fade)
-        if metallic == 0 and (dielectric < 1e-6 or mean_roughness >= _DIFFUSE_ROUGHNESS):
+        faded = dielectric * (1 - fade * fade * (3 - 2 * fade))
+        if metallic == 0 and (faded < 1e-6 or (ref is None and mean_roughness >= _DIFFUSE_ROUGHNESS)):
             return {"type": "diffuse", "reflectance": base}
-        self._notes.add("reflections are Disney's principled material, whose diffuse part is not quite Lambertian")
-        if dielectric > 0.08:
-            self._notes.add("reflectance at normal incidence of non-metals is held below 0.08")
-        described = {"type": "principled", "base_color": base, "roughness": max(roughness, 0.03), "metallic": metallic,
-                     "specular": min(max(dielectric / 0.08, _LEAST_SPECULAR), 1.0)}
+        self._found.mirrors = True
+        self._notes.add("without LLVM reflections of the image are Disney's principled material, whose diffuse part is "
+                        "not quite Lambertian")
+        described = {"type": "surface", "base_color": base, "roughness": roughness, "metallic": metallic,
+                     "dielectric": dielectric, "mean_dielectric": faded}
         if ref is not None:
             described["roughness"] = _channel(images, ref, 1, roughness)
             described["metallic"] = _channel(images, ref, 2, metallic)
@@ -249,7 +252,7 @@ def _picture(images: tuple[Image, ...], ref: TextureRef, factor: np.ndarray, srg
 
 def _channel(images: tuple[Image, ...], ref: TextureRef, channel: int, factor: float) -> dict[str, Any]:
     data = images[ref.image].pixels[..., channel:channel + 1].astype(np.float32) * (factor / 255)
-    return _bitmap(np.clip(data, 0.03 if channel == 1 else 0.0, 1), ref)
+    return _bitmap(np.clip(data, 0.0, 1), ref)
 
 
 def _opacity(images: tuple[Image, ...], material: Material) -> dict[str, Any]:

@@ -8,6 +8,7 @@ has lines "progress NAME SHARE". Without FOLDER the variant is tried out on a sm
 
 from __future__ import annotations
 
+import functools
 import os
 import pickle
 import sys
@@ -17,6 +18,8 @@ from typing import Any, Callable
 
 import numpy as np
 
+from ssil_viewer.reference import mitsuba_bsdf
+from ssil_viewer.reference.mitsuba_bsdf import surface_as_bsdf
 from ssil_viewer.reference.mitsuba_export import Description
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask, Job
 
@@ -40,9 +43,13 @@ class World:
     def __init__(self, description: Description) -> None:
         import mitsuba as mi
         self._mi, self.description = mi, description
-        self._bsdfs = [mi.load_dict(_converted(mi, bsdf)) for bsdf in description.bsdfs]
         self.lit = self._scene(lights=True, emission=False)
         self.shining = self._scene(lights=False, emission=True) if description.emissive else None
+
+    @functools.cached_property
+    def lit_diffuse(self):
+        """The scene with the lights once more, all of it Lambertian; the same one if it is so anyway."""
+        return self._scene(lights=True, emission=False, mirrors=False) if self.description.mirrors else self.lit
 
     def integrator(self, depth: int, hide_lamps: bool = False):
         """Light along paths of up to `depth` edges; -1 for all. volpath lets light through the holes of masks.
@@ -64,8 +71,10 @@ class World:
             "film": {"type": "hdrfilm", "width": camera["width"], "height": camera["height"], "pixel_format": "rgb",
                      "component_format": "float32", "rfilter": {"type": "box"}}})
 
-    def _scene(self, lights: bool, emission: bool):
+    def _scene(self, lights: bool, emission: bool, mirrors: bool = True):
         mi = self._mi
+        self._bsdfs = [mi.load_dict(_converted(mi, surface_as_bsdf(bsdf, mirrors, _is_vector())))
+                       for bsdf in self.description.bsdfs]
         parts: dict[str, Any] = {"type": "scene"}
         for index, mesh in enumerate(self.description.meshes):
             parts[f"mesh{index}"] = self._mesh(f"mesh{index}", mesh, emission)
@@ -152,24 +161,30 @@ def render_image(world: World, task: ImageTask, report: Callable[[float], None])
 
 
 def gather_irradiance(world: World, task: IrradianceTask, report: Callable[[float], None]) -> dict[str, np.ndarray]:
-    """"all", "visible": (2, N, 3) float64, W m^-2, each from half of the passes."""
+    """Irradiance, (2, N, 3) float64, W m^-2, each from half of the passes.
+
+    Returns:
+        "all": from everything. "diffuse": the part of it that surfaces send by their Lambertian reflection or emit.
+        "visible": of "diffuse", what comes from where the camera sees. "visible_mirrored": of "all", the same.
+    """
     tracer = _VectorTracer(world, task) if _is_vector() else _ScalarTracer(world, task)
     count = len(task.position)
-    sums, counts, begun = np.zeros((2, 2, count, 3)), [0, 0], time.perf_counter()
+    names = ("all", "diffuse", "visible", "visible_mirrored")
+    sums, counts, begun = np.zeros((len(names), 2, count, 3)), [0, 0], time.perf_counter()
     passes = max(2, -(-task.rays // task.rays_of_pass))
     for at in range(passes):
         rng = np.random.default_rng((task.seed, at))
         directions = _cosine_directions(task.normal, task.rays_of_pass, rng)
-        light, seen = tracer.trace(directions, task.seed * 10_000 + at)
-        light = np.nan_to_num(light, nan=0.0, posinf=0.0, neginf=0.0)
-        sums[0, at % 2] += np.pi * light.mean(1)
-        sums[1, at % 2] += np.pi * (light * seen[..., None]).mean(1)
+        light, diffuse, seen = tracer.trace(directions, task.seed * 10_000 + at)
+        light, diffuse = (np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in (light, diffuse))
+        for total, part in zip(sums, (light, diffuse, diffuse * seen[..., None], light * seen[..., None])):
+            total[at % 2] += np.pi * part.mean(1)
         counts[at % 2] += 1
         report((at + 1) / passes)
         if at > 0 and time.perf_counter() - begun > task.seconds:
             break
-    return {"all": sums[0] / np.array(counts)[:, None, None], "visible": sums[1] / np.array(counts)[:, None, None],
-            "rays": np.array(sum(counts) * task.rays_of_pass)}
+    means = {name: total / np.array(counts)[:, None, None] for name, total in zip(names, sums)}
+    return means | {"rays": np.array(sum(counts) * task.rays_of_pass)}
 
 
 def _cosine_directions(normal: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -217,13 +232,15 @@ class _Tracer:
 class _ScalarTracer(_Tracer):
     """One ray after the other: for variants without LLVM."""
 
-    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance (N, R, 3), and (N, R) bool: from what the camera sees."""
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Radiance (N, R, 3), its Lambertian part, and (N, R) bool: from what the camera sees."""
         mi, world, task = self._mi, self._world, self._task
         self._sampler.seed(seed)
-        light, seen = np.zeros(directions.shape), np.zeros(directions.shape[:2], bool)
+        light, diffuse = np.zeros((2, *directions.shape))
+        seen = np.zeros(directions.shape[:2], bool)
         shining, sampler = world.shining, self._sampler
-        lit, origins = world.lit, task.position.tolist()
+        scenes = [(light, world.lit), *([(diffuse, world.lit_diffuse)] if world.description.mirrors else [])]
+        origins = task.position.tolist()
         points, sides = np.zeros(directions.shape), np.zeros(directions.shape)
         hit = np.zeros(directions.shape[:2], bool)
         for i, around in enumerate(directions.tolist()):
@@ -235,11 +252,13 @@ class _ScalarTracer(_Tracer):
                 p, n = si.p, si.n
                 if (p[0] - origin[0])**2 + (p[1] - origin[1])**2 + (p[2] - origin[2])**2 < nearest * nearest:
                     continue
-                found = self._reflected.sample(lit, sampler, ray)[0]
-                light[i, j] = found[0], found[1], found[2]
+                for into, scene in scenes:
+                    found = self._reflected.sample(scene, sampler, ray)[0]
+                    into[i, j] = found[0], found[1], found[2]
                 if shining is not None:
                     found = self._emitted.sample(shining, sampler, ray)[0]
-                    light[i, j] += found[0], found[1], found[2]
+                    for into, _ in scenes:
+                        into[i, j] += found[0], found[1], found[2]
                 hit[i, j], points[i, j], sides[i, j] = True, (p[0], p[1], p[2]), (n[0], n[1], n[2])
         inside = hit & (light.max(-1) > 0)
         inside[inside] = self._in_image(points[inside])
@@ -249,7 +268,7 @@ class _ScalarTracer(_Tracer):
             distance = float(np.linalg.norm(to_point))
             si, _ = self._first_surface(mi.Ray3f(self._eye_point, mi.Vector3f(*(to_point / distance).tolist())))
             seen[i, j] = np.linalg.norm(np.array(si.p) - self._eye) > distance * NEARLY if si.is_valid() else True
-        return light, seen
+        return light, diffuse if world.description.mirrors else light, seen
 
     def _first_surface(self, ray):
         """Where a ray meets a surface, and the rest of the ray from the last thing that it crossed."""
@@ -266,7 +285,7 @@ class _ScalarTracer(_Tracer):
 class _VectorTracer(_Tracer):
     """All rays at once."""
 
-    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `_ScalarTracer.trace`."""
         import drjit as dr
         mi, world, task = self._mi, self._world, self._task
@@ -280,8 +299,12 @@ class _VectorTracer(_Tracer):
         hit = si.is_valid() & (dr.norm(si.p - start) >= mi.Float(nearest))
         self._sampler.seed(seed, count)
         light = dr.select(hit, self._reflected.sample(world.lit, self._sampler, ray, active=hit)[0], 0.0)
+        diffuse = light
+        if world.description.mirrors:
+            diffuse = dr.select(hit, self._reflected.sample(world.lit_diffuse, self._sampler, ray, active=hit)[0], 0.0)
         if world.shining is not None:
-            light += dr.select(hit, self._emitted.sample(world.shining, self._sampler, ray, active=hit)[0], 0.0)
+            emitted = dr.select(hit, self._emitted.sample(world.shining, self._sampler, ray, active=hit)[0], 0.0)
+            light, diffuse = light + emitted, diffuse + emitted
         to_point = si.p - self._eye_point
         distance = dr.norm(to_point)
         first, _ = self._first_surface(mi.Ray3f(self._eye_point, to_point / distance))
@@ -289,7 +312,8 @@ class _VectorTracer(_Tracer):
         seen = hit & faces & (~first.is_valid() | (dr.norm(first.p - self._eye_point) > distance * NEARLY))
         points = np.array(si.p).T.reshape(-1, 3)
         inside = np.array(seen) & self._in_image(np.where(np.isfinite(points), points, 0.0))
-        return np.array(light).T.reshape(directions.shape), inside.reshape(directions.shape[:2])
+        parts = (np.array(part).T.reshape(directions.shape) for part in (light, diffuse))
+        return *parts, inside.reshape(directions.shape[:2])
 
     def _first_surface(self, ray):
         """See `_ScalarTracer._first_surface`."""
@@ -326,6 +350,7 @@ def main() -> None:
     import mitsuba as mi
     mi.set_variant(variant)
     mi.set_log_level(mi.LogLevel.Error)
+    mitsuba_bsdf.register(mi)
     folder = Path(sys.argv[2])
     with (folder / "job.pickle").open("rb") as file:
         job: Job = pickle.load(file)

@@ -35,7 +35,7 @@ class WholeImage:
 
 def sum_whole_image(renderer: Renderer, wanted: Sequence[str], rays: int, block: int, scale: Scale | None = None,
                     progress: Callable[[float], None] = lambda share: None) -> WholeImage:
-    """R1 and R2 of the renderer's last frame, of every pixel.
+    """R1 and R2 of the renderer's last frame, of every pixel, from every pixel.
 
     Args:
         wanted: Some of "R1" and "R2", not none.
@@ -46,7 +46,8 @@ def sum_whole_image(renderer: Renderer, wanted: Sequence[str], rays: int, block:
     Raises:
         UserError: There is not enough memory.
     """
-    found = ProgressiveReference(renderer, "R2" if "R2" in wanted else "R1", rays if "R2" in wanted else None)
+    found = ProgressiveReference(renderer, "R2" if "R2" in wanted else "R1", rays if "R2" in wanted else None,
+                                 pixels=True)
     try:
         while not found.done:
             found.advance_for(_TURN)

@@ -55,6 +55,19 @@ def unit_vectors(count: int) -> np.ndarray:
     return (v / np.linalg.norm(v, axis=1, keepdims=True)).astype(np.float32)
 
 
+def test_directions_survive_half_floats(context):
+    """As a half float stores them, whatever it does with what it cannot hold: the number is one of its normal ones."""
+    vectors = np.concatenate([unit_vectors(4000), np.eye(3), -np.eye(3)]).astype(np.float32)
+    code = evaluate(context, PACKING, "result.x = encode_direction16(a.xyz);", vectors)[:, 0]
+    halves = code.astype(np.float16)
+    assert np.array_equal(halves.astype(np.float32), code)
+    assert np.abs(halves).min() >= np.finfo(np.float16).tiny and np.isfinite(halves).all()
+    decoded = evaluate(context, PACKING, "result.xyz = decode_direction16(a.x);", code[:, None])[:, :3]
+    angle = np.degrees(np.arccos(np.clip((decoded * vectors).sum(-1), -1, 1)))
+    assert angle.max() < 1.0
+    assert angle[-6:].max() < 0.05      # axes
+
+
 def test_surface_keeps_depth_exactly_and_the_normal_to_a_tenth_of_a_degree(context):
     normals = np.concatenate([unit_vectors(4000), np.eye(3), -np.eye(3)]).astype(np.float32)
     depths = (10.0 ** np.random.default_rng(6).uniform(-6, 9, len(normals))).astype(np.float32)

@@ -154,6 +154,25 @@ def test_flat_and_slanted_surfaces_do_not_shade_themselves(make_renderer, kind):
     assert np.allclose(with_map, without, rtol=0.01)
 
 
+def test_grazing_light_does_not_creep_under_an_edge(make_renderer):
+    """A screen on the wall, and a light 6 degrees off the wall's plane: a receiver that is moved off the wall moves the
+    shadow's edge by ten times as much. A texel of the map is 0.1 m wide across the light and ten times that along the
+    wall; a third of that is allowed."""
+    screen = scenes.rectangle((-1.5, -9, 0), (0, 0, 0.2), (0, 18, 0))
+    slope = np.tan(np.radians(6))
+    light = Light("directional", intensity=3.0, direction=tuple(np.array((1.0, 0.0, -slope)) / np.hypot(1, slope)))
+    double = replace(PLAIN, double_sided=True)
+    renderer = render(make_renderer, (WALL, screen), (light,), (double,), shadow_resolution=256)
+    row = renderer.read("direct")[SIZE[1] // 2, :, 0]
+    x = wall_points()[SIZE[1] // 2, :, 0]
+    behind = x > -1.5
+    lit = row[x < -1.6].mean()
+    assert lit > 0
+    end = x[behind][np.argmax(row[behind] > 0.5 * lit)]
+    exact = -1.5 + 0.2 / slope
+    assert abs(end - exact) < 0.35
+
+
 def test_radiance_holds_no_highlight(make_renderer):
     """A shiny metal has no diffuse light: what the camera sees of the lamp in it reaches no neighbour."""
     metal = Material(base_color=(1, 1, 1, 1), metallic=1.0, roughness=0.2)

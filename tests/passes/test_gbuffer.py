@@ -93,6 +93,22 @@ def test_normal_map_tilts_the_normal(make_renderer, tilt):
     assert normal == pytest.approx(tilt, abs=0.01)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_the_triangles_own_normal(make_renderer, stage, tilt):
+    """Whatever the vertices' normals are, and whether front or back is seen. 16 bits: within a degree."""
+    wall = scenes.rectangle((-9, -9, 0), (18, 0, 18 * tilt), (0, 18, 0))
+    bent = replace(wall, normals=np.tile(np.float32((0.6, 0.0, 0.8)), (4, 1)))
+    scene = scenes.scene((bent,), (replace(WHITE, double_sided=True),))
+    expected = np.array((-tilt, 0, 1)) / np.hypot(tilt, 1)
+    for eye in ((0, 0, 4), (0, 0, -4)):
+        renderer = make_renderer(scene, SIZE, stage)
+        renderer.render(replace(CAMERA, eye=eye, target=(0, 0, 0)))
+        found = renderer.read("triangle_normal")[renderer.read("view_depth") > 0]
+        assert len(found) > 0.9 * SIZE[0] * SIZE[1]
+        # The camera behind looks along +Z: its X and Z are turned around, and so is the side that is seen
+        assert (found @ expected).min() > np.cos(np.radians(1))
+
+
 def test_base_color_texture_is_srgb_and_is_multiplied(make_renderer):
     pixels = np.full((4, 4, 4), 255)
     pixels[..., :3] = 128, 64, 255

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
-from ssil_viewer.reference.all_pixels import compare_with_sum, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference import all_pixels
+from ssil_viewer.reference.all_pixels import Senders, compare_with_sum, irradiance, random_blocks, read_surfaces
 from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene import default_camera, load_scene
+from ssil_viewer.scene.model import Camera
 from tests import scenes
+from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, on_floor, polygon_irradiance
 
 BOX_CAMERA = scenes.CORNELL_CAMERA
 SIZE = 1280, 720
@@ -31,16 +34,16 @@ def test_matches_the_sum_over_all_pixels(make_renderer, name):
 
 
 def test_vote_is_at_least_as_good_as_nearest(make_renderer):
-    """Error against the sum over all of the image's own pixels, in a scene with thin things. The tenth allows for the
-    choice of the 60 blocks."""
+    """Error against the sum over all texels of the starting level, in a scene with thin things: how much the coarser
+    levels lose. What the starting level itself loses against the image's own pixels is in docs/method/mipmap.md."""
     scene = load_scene("builtin:atrium")
     camera = default_camera(scene)
     errors = {}
     for mip_filter in ("vote", "nearest"):
         renderer = make_renderer(scene, (320, 180), samples=256, mip_filter=mip_filter, visibility="off")
         render_frames(renderer, camera, 8)
-        errors[mip_filter] = compare_with_sum(renderer, camera, 0, blocks=60)[1]
-    assert errors["vote"] <= errors["nearest"] * 1.1
+        errors[mip_filter] = compare_with_sum(renderer, camera, renderer.settings.start_level, blocks=200)[1]
+    assert errors["vote"] <= errors["nearest"]
 
 
 @pytest.mark.slow
@@ -111,3 +114,48 @@ def test_more_samples_less_error(make_renderer):
                                surfaces.normal[rows, columns].reshape(-1, 3)).reshape(*rows.shape, 3)
         errors.append(bias_and_error(renderer.read("indirect")[rows, columns], reference)[1])
     assert errors[1] < 0.7 * errors[0]
+
+
+def test_pixels_send_what_their_triangles_do(make_renderer, stage):
+    """A square whose vertices have bent normals, as a coarse mesh of something round has: it still shines like a
+    square. 2 % for its edge, which pixels have in steps, and for the normals' 16 bits."""
+    emitter = scenes.rectangle((-0.4, 0.1, -0.6), (0.8, 0, 0), (0, 0.8, 0), 1)
+    emitter = replace(emitter, normals=np.tile(np.float32((0.8, 0.0, 0.6)), (4, 1)))
+    camera = Camera(eye=(0, 1.2, 1.4), target=(0, 0.3, -0.3), vertical_fov=0.9)
+    floor = scenes.rectangle((-2, 0, 2), (4, 0, 0), (0, 0, -4))
+    renderer = make_renderer(scenes.scene((floor, emitter), (BLACK, GLOWING)), (320, 180), stage)
+    renderer.render(camera)
+    on, points = on_floor(renderer, camera)
+    fit = np.flatnonzero((np.abs(points[:, 0]) < 0.8) & (points[:, 2] > -0.4) & (points[:, 2] < 0.6))[::37]
+    up = np.array((0.0, 1.0, 0.0))
+    corners = np.array([(x, y, -0.6) for x, y in ((-0.4, 0.1), (0.4, 0.1), (0.4, 0.9), (-0.4, 0.9))])
+    exact = np.array([polygon_irradiance(point[None], up, corners, RADIANCE)[0] for point in points[fit]])
+    surfaces = read_surfaces(renderer, camera)
+    rows, columns = (index[fit] for index in np.nonzero(on))
+    senders = Senders.of_pixels(renderer, camera)
+    at = surfaces.position[rows, columns], surfaces.normal[rows, columns]
+    found = irradiance(senders.surfaces, senders.radiance, *at)[:, 0]
+    assert found == pytest.approx(exact, rel=0.02)
+    bent = irradiance(surfaces, senders.radiance, *at)[:, 0]
+    assert np.abs(bent - exact).mean() > 0.2 * exact.mean(), "the normals matter"
+
+
+def test_drawn_senders_are_right_in_the_mean(make_renderer, monkeypatch):
+    """A block's own surroundings whole, and one far pixel in sixteen for all. With the 3,600 that are drawn here, a
+    standard deviation of 3 %; the mean of 24 draws is right to 2 %."""
+    monkeypatch.setattr(all_pixels, "_ENOUGH", 320 * 180 // 16)
+    monkeypatch.setattr(all_pixels, "_NEAR", 16)
+    renderer = make_renderer(scenes.cornell(), (320, 180))
+    renderer.render(BOX_CAMERA)
+    senders, receivers = Senders.of_pixels(renderer, BOX_CAMERA), read_surfaces(renderer, BOX_CAMERA)
+    rows, columns = (index[0] for index in random_blocks(receivers.visible, 30))
+    at = receivers.position[rows, columns].reshape(-1, 3), receivers.normal[rows, columns].reshape(-1, 3)
+    exact = irradiance(senders.surfaces, senders.radiance, *at).mean()
+    drawn = []
+    for seed in range(24):
+        radiance = senders.for_block(rows, columns, seed)
+        assert (radiance.max(-1) > 0).sum() < 0.2 * (senders.radiance.max(-1) > 0).sum()
+        drawn.append(irradiance(senders.surfaces, radiance, *at).mean())
+    assert drawn == pytest.approx([exact] * 24, rel=0.12)
+    assert np.mean(drawn) == pytest.approx(exact, rel=0.02)
+    assert np.std(drawn) > 0

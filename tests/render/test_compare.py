@@ -61,7 +61,8 @@ def fake_trace(factor):
             progress(task.name, 1.0)
             if task.name == "irradiance":
                 light = np.full((2, len(task.position), 3), factor)
-                found[task.name] = {"all": light, "visible": 0.5 * light, "rays": np.array(task.rays)}
+                found[task.name] = {"all": light, "diffuse": light, "visible": 0.5 * light,
+                                     "visible_mirrored": 0.5 * light, "rays": np.array(task.rays)}
             else:
                 image = np.full((task.camera["height"], task.camera["width"], 3), factor, np.float32)
                 found[task.name] = {"image": image, "first": image, "second": image, "spp": np.array(task.spp)}
@@ -126,7 +127,8 @@ def test_the_best_constant_is_found(context):
     def trace(description, tasks, progress):
         found = {"image": truth, "first": truth, "second": truth, "spp": np.array(2)}
         light = np.ones((2, EFFORT.blocks * BLOCK**2, 3))
-        return {"image": found, "irradiance": {"all": light, "visible": light, "rays": np.array(36)}}
+        return {"image": found, "irradiance": dict.fromkeys(
+            ("all", "diffuse", "visible", "visible_mirrored"), light) | {"rays": np.array(36)}}
 
     image = compare(scenes.cornell(), size=SIZE, settings=settings, camera=scenes.CORNELL_CAMERA, frames=1,
                     effort=replace(EFFORT, references=("R3",)), context=context, trace=trace).result["image"]

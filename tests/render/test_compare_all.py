@@ -42,7 +42,8 @@ def traced(image):
     def trace(description, tasks, progress):
         found = {"image": image, "first": image, "second": image, "spp": np.array(2)}
         light = np.ones((2, 10 * BLOCK**2, 3))
-        return {"image": found, "irradiance": {"all": light, "visible": light, "rays": np.array(36)}}
+        return {"image": found, "irradiance": dict.fromkeys(
+            ("all", "diffuse", "visible", "visible_mirrored"), light) | {"rays": np.array(36)}}
     return trace
 
 

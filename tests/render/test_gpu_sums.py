@@ -45,9 +45,9 @@ def finished(found: ProgressiveReference, step: int = 7) -> np.ndarray:
     return found.read()
 
 
-def in_double_precision(renderer, camera, level):
+def in_double_precision(renderer, camera, level, pixels=False):
     """(H, W, 3) R1 of the last frame on the CPU, and which pixels see a surface."""
-    receivers, senders = read_surfaces(renderer, camera), read_surfaces(renderer, camera, level)
+    receivers, senders = read_surfaces(renderer, camera), read_surfaces(renderer, camera, level, triangles=pixels)
     light = np.zeros((*receivers.visible.shape, 3))
     light[receivers.visible] = irradiance(senders, renderer.read("radiance", level),
                                           receivers.position[receivers.visible], receivers.normal[receivers.visible],
@@ -68,6 +68,29 @@ def test_r1_is_the_sum_in_double_precision(make_renderer, reference, stage, size
     assert found[visible] == pytest.approx(expected[visible], rel=3e-5, abs=1e-6 * expected.mean())
     assert found.mean(dtype=np.float64) == pytest.approx(expected.mean(), rel=1e-6)
     assert not found[~visible].any()
+
+
+def test_r1_of_the_images_own_pixels(make_renderer, reference, stage):
+    """Its senders have the normals of their triangles; here those of the vertices are bent."""
+    scene = scenes.cornell()
+    bent = tuple(replace(primitive, normals=_bent(primitive.normals)) for primitive in scene.meshes[0].primitives)
+    scene = replace(scene, meshes=(replace(scene.meshes[0], primitives=bent), *scene.meshes[1:]))
+    renderer = make_renderer(scene, (61, 37), stage, **SMALL, start_level=2, guard_band=20)
+    renderer.render(CAMERA)
+    expected, visible = in_double_precision(renderer, CAMERA, 0, pixels=True)
+    found = finished(reference(renderer, "R1", pixels=True))
+    assert found[visible] == pytest.approx(expected[visible], rel=3e-5, abs=1e-6 * expected.mean())
+    mapped = in_double_precision(renderer, CAMERA, 0)[0]
+    assert abs(mapped.mean() / expected.mean() - 1) > 0.01, "the normals matter"
+    # With hardly any rays the light itself is R1's all the same
+    rays = reference(renderer, "R2", 4, pixels=True)
+    assert finished(rays).mean() < expected.mean()
+    assert rays.read(unoccluded=True)[visible] == pytest.approx(expected[visible], rel=3e-5, abs=1e-6 * expected.mean())
+
+
+def _bent(normals):
+    turned = normals + np.float32((0.5, 0.3, 0.2))
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def test_a_part_is_right_in_the_mean(make_renderer, reference, stage):

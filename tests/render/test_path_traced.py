@@ -17,7 +17,7 @@ from ssil_viewer.reference.all_pixels import read_surfaces
 from ssil_viewer.reference.metrics import agreement, block_means
 from ssil_viewer.reference.mitsuba_export import camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
-from ssil_viewer.reference.path_traced import ReferenceFailure, has_mitsuba, path_trace
+from ssil_viewer.reference.path_traced import ReferenceFailure, has_mitsuba, path_trace, working_variant
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Image, Light, Material, TextureRef
 from ssil_viewer.settings import Settings
@@ -34,14 +34,14 @@ CAMERA = Camera(eye=(0, 2, 3), vertical_fov=0.9)
 WHITE = Material(base_color=(0.8, 0.6, 0.4, 1.0), specular=0.0)
 
 
-def traced(scene, camera, bounces, spp=8, size=SIZE):
+def traced(scene, camera, bounces, spp=8, size=SIZE, variant=VARIANT):
     """(H, W, 3) image."""
     task = ImageTask("image", camera_description(camera, size), bounces, spp, max(spp // 2, 1), 100.0)
-    return path_trace(describe(scene), [task], variant=VARIANT)["image"]["image"]
+    return path_trace(describe(scene), [task], variant=variant)["image"]["image"]
 
 
-def irradiance(scene, points, normals, camera=CAMERA, rays=400, size=SIZE):
-    """All and visible, (N, 3) each."""
+def irradiance(scene, points, normals, camera=CAMERA, rays=400, size=SIZE, parts=("all", "visible")):
+    """All and visible, or other parts, (N, 3) each."""
     eye = np.asarray(camera.eye, np.float64)
     tan_y = math.tan(camera.vertical_fov / 2)
     task = IrradianceTask("irradiance", np.asarray(points, np.float64), np.asarray(normals, np.float64),
@@ -49,7 +49,7 @@ def irradiance(scene, points, normals, camera=CAMERA, rays=400, size=SIZE):
                                                                  np.asarray(camera.up)),
                           (tan_y * size[0] / size[1], tan_y), rays, 100, 100.0)
     found = path_trace(describe(scene), [task], variant=VARIANT)["irradiance"]
-    return found["all"].mean(0), found["visible"].mean(0)
+    return tuple(found[part].mean(0) for part in parts)
 
 
 # -- irradiance against paper ------------------------------------------------------------------------------------------
@@ -125,11 +125,11 @@ def test_one_bounce_is_what_a_bounce_adds_to_the_image(make_renderer):
 # -- images against our own direct light -------------------------------------------------------------------------------
 
 
-def direct_error(scene, camera, size=SIZE, spp=8, **settings):
+def direct_error(scene, camera, size=SIZE, spp=8, variant=VARIANT, **settings):
     """Ratio of sums, and the median relative difference, of direct light that is lit in both."""
     ours = headless.render(scene, size=size, camera=camera,
                            settings=Settings(bounces=0, shadow_resolution=4096, **settings))
-    truth = traced(scene, camera, 0, spp, size)
+    truth = traced(scene, camera, 0, spp, size, variant)
     lit = (ours["view_depth"] > 0) & (truth.sum(-1) > 0) & (ours["direct"].sum(-1) > 0)
     assert lit.sum() > 0.2 * lit.size
     difference = np.abs(ours["direct"] - truth).sum(-1)[lit] / truth.sum(-1)[lit]
@@ -274,6 +274,47 @@ def test_glossy_metal_reflects_about_as_much(roughness):
     ratio, median = direct_error(scenes.scene((FLOOR,), (metal,), (LIGHTS["point"],)), CAMERA)
     assert ratio == pytest.approx(1, abs=0.03 if roughness < 1 else 0.06)
     assert median < (0.05 if roughness < 1 else 0.08)
+
+
+GLOSSY = {
+    "dielectric": Material(base_color=(0.8, 0.6, 0.4, 1.0), roughness=0.4),
+    "rough dielectric": Material(base_color=(0.8, 0.6, 0.4, 1.0), roughness=0.9),
+    "dense dielectric": Material(base_color=(0.1, 0.2, 0.3, 1.0), roughness=0.3, ior=2.5),
+    "metal": Material(base_color=(0.9, 0.6, 0.1, 1.0), metallic=1.0, roughness=0.4),
+    "rough metal": Material(base_color=(0.9, 0.6, 0.1, 1.0), metallic=1.0, roughness=1.0),
+    "half metal": Material(base_color=(0.9, 0.6, 0.1, 1.0), metallic=0.5, roughness=0.6),
+}
+
+
+@pytest.mark.parametrize("kind", GLOSSY)
+def test_our_own_material_in_the_path_tracer(kind):
+    """With LLVM materials that reflect are exact: what is left is rounding, as of roughness to 8 bits."""
+    if working_variant() == VARIANT:
+        pytest.skip("needs an LLVM that Mitsuba likes")
+    ratio, median = direct_error(scenes.scene((FLOOR,), (GLOSSY[kind],), (LIGHTS["point"],)), CAMERA, spp=32,
+                                 variant=working_variant())
+    assert ratio == pytest.approx(1, abs=0.01)
+    assert median < 0.01
+
+
+def test_what_senders_mirror_counts_apart():
+    """A glossy wall throws a highlight onto the floor: its Lambertian part alone sends what a Lambertian wall does."""
+    wall = scenes.rectangle((-1, 0, -1), (2, 0, 0), (0, 1, 0), 1)
+    # A lamp before the wall, whose mirror image the floor sees
+    lamp = Light("point", intensity=6.0, position=(0.0, 0.5, -0.2))
+    points, normals = np.array([(0, 1e-3, -0.5), (0.3, 1e-3, 0.5)]), np.tile(UP, (2, 1))
+    glossy = Material(base_color=(0.6, 0.3, 0.2, 1.0), metallic=0.5, roughness=0.4)
+    plain = Material(base_color=(0.3, 0.15, 0.1, 1.0), specular=0.0)
+    everything, diffuse, visible, mirrored = irradiance(
+        scenes.scene((FLOOR, wall), (BLACK, glossy), (lamp,)), points, normals, rays=900,
+        parts=("all", "diffuse", "visible", "visible_mirrored"))
+    expected, = irradiance(scenes.scene((FLOOR, wall), (BLACK, plain), (lamp,)), points, normals, rays=900,
+                           parts=("all",))
+    assert diffuse == pytest.approx(expected, rel=1e-4)     # the same rays
+    assert (everything > 1.2 * diffuse).all()
+    # The camera looks at all of the wall
+    assert visible == pytest.approx(diffuse, rel=1e-4)
+    assert mirrored == pytest.approx(everything, rel=1e-4)
 
 
 def test_a_job_that_fails_says_why():

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.reference.mitsuba_bsdf import surface_as_bsdf
 from ssil_viewer.reference.mitsuba_export import camera_description, describe, material_counts
 from ssil_viewer.scene.model import Camera, Image, Instance, Light, Material, TextureRef
 from tests import scenes
@@ -83,7 +84,6 @@ def test_masks_are_cut_at_the_cutoff():
     (Material(specular=0.0), "backs of one-sided"),
     (replace(DOUBLE, specular=1.0, roughness=0.4), "principled"),
     (replace(DOUBLE, metallic=1.0), "principled"),
-    (replace(DOUBLE, specular=1.0, ior=2.5, roughness=0.3), "below 0.08"),
     (replace(DOUBLE, emission=(1.0, 2.0, 3.0)), "front alone"),
     (replace(DOUBLE, base_color_texture=TextureRef(0, wrap_u="clamp")), "wrap differently"),
     (replace(DOUBLE, occlusion_texture=TextureRef(0)), "occlusion maps"),
@@ -104,6 +104,26 @@ def test_lights_that_differ_are_named(light, said):
 
 def test_rough_materials_are_lambertian():
     assert dict(material_counts(describe(floor(replace(DOUBLE, specular=1.0, roughness=1.0))))) == {"diffuse": 1}
+
+
+@pytest.mark.parametrize("mirrors, vector, kind", [
+    (True, True, "ssil_surface"), (True, False, "principled"), (False, True, "diffuse"), (False, False, "diffuse")])
+def test_materials_that_reflect(mirrors, vector, kind):
+    """The viewer's own material where many rays are traced at once, and its Lambertian part wherever that is wanted."""
+    material = replace(DOUBLE, specular=1.0, roughness=0.4, metallic=0.25, base_color=(0.4, 0.8, 0.2, 1.0))
+    found = describe(floor(material))
+    assert found.mirrors
+    bsdf = surface_as_bsdf(found.bsdfs[0], mirrors, vector)
+    assert (bsdf["type"], bsdf["bsdf"]["type"]) == ("twosided", kind)
+    if not mirrors:
+        assert bsdf["bsdf"]["reflectance"]["value"] == pytest.approx((0.3, 0.6, 0.15))
+    mapped = floor(replace(material, metallic_roughness_texture=TextureRef(0)))
+    mapped = describe(replace(mapped, images=(picture(200),)))
+    inner = surface_as_bsdf(mapped.bsdfs[0], mirrors, vector)["bsdf"]
+    # A map of metal needs the product of two textures, which Mitsuba's diffuse BSDF does not have
+    assert inner["type"] == ("ssil_surface" if kind == "diffuse" else kind)
+    assert inner["metallic"]["data"][0, 0] == pytest.approx(0.25 * 200 / 255)
+    assert not describe(floor(DOUBLE)).mirrors
 
 
 def test_colours_of_vertices():
