@@ -39,7 +39,7 @@ uint sector(float low, float high) {
 
 // Whether what is seen at an elevation hides behind the blocked ones. Below the surface nothing is known to block.
 // A surface that faces the camera and the receiver is met from its far end on, each sample a little nearer to the camera
-// than the one before: half a bit less is asked for, so that rounding does not make it hide itself.
-bool sees_blocked(uint blocked, float at) {
-    return at < 1.0 && ((blocked >> uint(max(at * 32.0 - 0.5, 0.0))) & 1u) != 0u;
+// than the one before: so many bits (up to a half) less are asked for, lest rounding make it hide itself.
+bool sees_blocked(uint blocked, float at, float nearer) {
+    return at < 1.0 && ((blocked >> uint(max(at * 32.0 - nearer, 0.0))) & 1u) != 0u;
 }

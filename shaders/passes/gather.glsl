@@ -49,38 +49,62 @@ void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming lig
 }
 
 #if VISIBILITY == 2
+// Bits; less than the half that is sure to do, since senders follow their planes and lie where the row does.
+const float NEARER = 0.35;
+
+// What stands in the inner part of a ring along a row: the finer levels have gathered its light, and it is looked for
+// on the starting level's surfaces. Octave by octave, so that what is near is not missed.
+uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction, float shift) {
+    vec2 scale = frame.ray_scale * first_texel;
+    vec2 center = (vec2(receiver.px) + 0.5) * (texel / first_texel);
+    uint blocked = 0u;
+    float from = 0.0, to = frame.radius;
+    for (int i = 0, step = 0; i < blocking_steps; ++i, ++step) {
+        if (step == octave_steps) {
+            step = 0;
+            from = to;
+            to *= 2.0;
+        }
+        vec2 place = center + direction * mix(from, to, (float(step) + shift) / float(octave_steps));
+        ivec2 at = ivec2(floor(place));
+        if (!is_on_screen(at, size_blockers())) break;
+        Surface surface = load_blockers(at);
+        vec3 position = position_on_plane(surface, at, place, scale);
+        vec3 offset = position - receiver.position;
+        float squared = dot(offset, offset);
+        if (surface.view_depth <= 0.0 || squared <= 0.0) continue;
+        float front = elevation(half_plane, offset * inversesqrt(squared));
+        blocked |= hidden_by(half_plane, front, offset, position);
+    }
+    return blocked;
+}
+
 // Light of the rows of samples that lead away from the receiver in `directions` directions. Walked outwards, each row
 // meets everything that may stand before its next sample.
 void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {
     vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
-    bool has_near = near_field == 1;
-    // The inner part of a ring only blocks: the finer level has gathered its light.
-    int inner_steps = has_near ? (steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES : (steps + 1) / 2;
-    int outer_steps = has_near ? steps - inner_steps : steps;
-    float inner = has_near ? frame.radius * NEAR_RADIUS : inner_radius;
+    int near_steps = near_field * ((steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
+    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
     float strip = 2.0 * PI / float(directions);
     vec2 turn = vec2(cos(strip), sin(strip));
     for (int d = 0; d < directions; ++d) {
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
-        uint blocked = 0u;
-        for (int i = 0; i < inner_steps + outer_steps; ++i) {
-            bool is_inner = i < inner_steps;
-            vec2 place = is_inner ? ring_place(0.0, inner, inner_steps, float(i) + shift)
-                                  : ring_place(inner, frame.radius, outer_steps, float(i - inner_steps) + shift);
+        uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
+        for (int i = 0; i < steps; ++i) {
+            bool is_near = i < near_steps;
+            vec2 place = is_near ? ring_place(0.0, inner, near_steps, float(i) + shift)
+                                 : ring_place(inner, frame.radius, steps - near_steps, float(i - near_steps) + shift);
             Sender sender;
-            if (!look_at(receiver, ivec2(floor(center + direction * place.x)), sender)) continue;
+            if (!look_at_place(receiver, center + direction * place.x, sender)) continue;
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
-            if (!is_inner || has_near) {
-                float factor = form_factor(sender, strip * place.y);
-                if (factor > 0.0 && !sees_blocked(blocked, front)) {
-                    vec3 radiance = load_radiance(sender.px) * factor;
-                    if (is_inner) receive(receiver, sender, radiance, near);
-                    else receive(receiver, sender, radiance, light);
-                }
+            float factor = form_factor(sender, strip * place.y);
+            if (factor > 0.0 && !sees_blocked(blocked, front, NEARER)) {
+                vec3 radiance = load_radiance(sender.px) * factor;
+                if (is_near) receive(receiver, sender, radiance, near);
+                else receive(receiver, sender, radiance, light);
             }
-            vec3 back = sender.position * (1.0 + frame.thickness) - receiver.position;
-            blocked |= sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+            blocked |= hidden_by(half_plane, front, sender.offset, sender.position);
         }
         direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
     }

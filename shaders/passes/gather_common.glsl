@@ -29,17 +29,49 @@ struct Sender {
     float inverse_distance;
 };
 
-// False where there is nothing to look at: off screen, background, the receiver itself.
-bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
-    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size_surface())) || at == receiver.px) return false;
-    Surface surface = load_surface(at);
-    vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    vec3 position = position_from_ray(ray, surface.view_depth);
+// What `surface` shows on the view ray through `place`, in texels: its tangent plane there. The depth stays near that of
+// the texel, whose plane may be seen at a grazing angle.
+vec3 position_on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
+    vec2 away = (place - vec2(at) - 0.5) * scale;
+    vec2 ray = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
+    float at_center = dot(surface.normal, vec3(ray, -1.0));
+    float moved = at_center / min(at_center + dot(surface.normal.xy, away), -1e-4);
+    return position_from_ray(ray + away, surface.view_depth * clamp(moved, 0.9, 1.1));
+}
+
+Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
     vec3 offset = position - receiver.position;
     float squared = dot(offset, offset);
-    sender = Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
-    return surface.view_depth > 0.0 && squared > 0.0;
+    return Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
 }
+
+bool is_on_screen(ivec2 at, ivec2 size) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
+
+// False where there is nothing to look at: off screen, background, the receiver itself.
+bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
+    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+    Surface surface = load_surface(at);
+    vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+    sender = sender_at(receiver, at, surface, position_from_ray(ray, surface.view_depth));
+    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+}
+
+// The same at a place between texel centres.
+bool look_at_place(Receiver receiver, vec2 place, out Sender sender) {
+    ivec2 at = ivec2(floor(place));
+    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+    Surface surface = load_surface(at);
+    sender = sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
+    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+}
+
+#if VISIBILITY == 2
+// Elevations that a surface hides, if its visible side is at `front` and it reaches back from the camera by `thickness`.
+uint hidden_by(HalfPlane half_plane, float front, vec3 offset, vec3 position) {
+    vec3 back = offset + position * frame.thickness;
+    return sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+}
+#endif
 
 // R^2 of the disc that stands for one texel of the sender, as the receiver sees it: `above` / `below`.
 // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|.

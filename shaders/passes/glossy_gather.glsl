@@ -130,13 +130,12 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
                                                    vec3(vec2(at - receiver.px) * scale, 0.0));
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
-            if (!is_inner && !sees_blocked(blocked, front)) {
+            if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
                             * ring_weight(place.x);
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
-            vec3 back = sender.position * (1.0 + frame.thickness) - receiver.position;
-            blocked |= sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+            blocked |= hidden_by(half_plane, front, sender.offset, sender.position);
         }
     }
     return sum;

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from ssil_viewer.pass_runner import Frame
 
 
-_STEP = 4.0         # texels at 720 lines from one sample of a row to the next: measured, see docs/method/horizon.md
+_STEP = 3.0         # texels at 720 lines from one sample of a row to the next: measured, see docs/method/horizon.md
 _SHORTEST_STEP = 1.0    # texels: less meets texels again, and the more often, the more do they seem to hide one another
-_MOST_STEPS = 32        # beyond, neighbours on one surface hide one another more than is gained
-_FEWEST_ROWS = 4    # pixels of a 4x4 block turn theirs against one another, which makes 64 directions of them
+_MOST_STEPS = 64        # beyond, rounding hides more than is found
+_OCTAVE = 3             # a share of the steps: those that look for blockers in each octave before a ring
+_FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
 
 def rows_and_steps(settings: Settings, radius: float) -> dict[str, int]:
@@ -45,13 +46,15 @@ class Gather(ScreenPass):
     name = "gather"
     shader = "passes/gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance"),
+             "blockers": Read.of("surface", offset="start", optional=True),
              "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
              "depth_range": Read.of("depth_range", offset=None, optional=True)}
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
               "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
                                      "direction; black at the other levels", "gather")}
     per_bounce = True
-    uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int", "directions": "int", "steps": "int"}
+    uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int", "directions": "int", "steps": "int",
+                "first_texel": "float", "blocking_steps": "int", "octave_steps": "int"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -61,14 +64,19 @@ class Gather(ScreenPass):
                   switch("SPACING", frame.settings.sample_spacing, ("radius", "area")),
                   switch("VISIBILITY", frame.settings.visibility, ("off", "voxel", "horizon")),
                   ("SLICES", str(frame.settings.voxel_slices)))
-        unread = {"voxels", "voxels_far", "depth_range"}
+        unread = {"blockers", "voxels", "voxels_far", "depth_range"}
         if frame.settings.visibility == "voxel":
-            unread = {"voxels_far"} if frame.settings.voxel_slices == 128 else set()
+            unread = {"blockers", "voxels_far"} if frame.settings.voxel_slices == 128 else {"blockers"}
+        elif frame.settings.visibility == "horizon":
+            unread.remove("blockers")
         rows = rows_and_steps(frame.settings, frame.radius)
         first = frame.settings.start_level
+        octave_steps = max(rows["steps"] // _OCTAVE, 1)
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
             # The near field is a uniform, not a definition: a second program would compile for longer than it saves
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
-                                   **rows}, chosen, frozenset(unread), sent_radiance(frame.bounce))
+                                   "first_texel": float(2**first), "octave_steps": octave_steps,
+                                   "blocking_steps": (level - first) * octave_steps, **rows},
+                           chosen, frozenset(unread), sent_radiance(frame.bounce))

@@ -48,17 +48,18 @@ def lit_wall(with_block: bool):
 
 def test_a_block_shades_what_is_behind_it(make_renderer, stage):
     """The floor right of the block: at least half of what rays say is missing is missing. Rings are gathered at coarse
-    levels, so that shadows of far senders are soft, and the block hides more than the camera can tell."""
+    levels, so that shadows of far senders are soft, and the block hides more than the camera can tell. At half the size
+    the block is as wide as one texel of those levels."""
     camera = Camera(eye=(0.0, 2.5, 4.0), target=(0.0, 0.3, 0.0), vertical_fov=0.9)
     shares = {}
     for visibility in ("off", "horizon"):
         light = []
         for with_block in (False, True):
             scene = lit_wall(with_block)
-            renderer = make_renderer(scene, (320, 180), samples=256, visibility=visibility, stage=stage)
+            renderer = make_renderer(scene, (640, 360), samples=256, visibility=visibility, stage=stage)
             render_frames(renderer, camera, 8)
             light.append(renderer.read("indirect").mean(-1))
-        behind = np.s_[85:115, 180:230]
+        behind = np.s_[170:230, 360:460]
         shares[visibility] = light[1][behind].mean() / light[0][behind].mean()
     rows, columns = (places[renderer.read("view_depth")[behind] > 0] for places in np.mgrid[behind])
     all_of_it, seen = references(renderer, camera, scene, renderer.settings.start_level, rows, columns)
