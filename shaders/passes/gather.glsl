@@ -48,6 +48,17 @@ void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming lig
     light.weights += weight;
 }
 
+Incoming plus(Incoming a, Incoming b) {
+    return Incoming(a.irradiance + b.irradiance, a.back_irradiance + b.back_irradiance, a.directions + b.directions,
+                    a.weights + b.weights);
+}
+
+// Rounding makes no light negative.
+Incoming difference(Incoming whole, Incoming part) {
+    return Incoming(max(whole.irradiance - part.irradiance, 0.0), max(whole.back_irradiance - part.back_irradiance, 0.0),
+                    whole.directions - part.directions, max(whole.weights - part.weights, 0.0));
+}
+
 #if VISIBILITY == 2
 // Bits; less than the half that is sure to do, since senders follow their planes and lie where the row does.
 const float NEARER = 0.35;
@@ -91,6 +102,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
         uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
+        Incoming before = light, so_far = light;
         for (int i = 0; i < steps; ++i) {
             bool is_near = i < near_steps;
             vec2 place = is_near ? ring_place(0.0, inner, near_steps, float(i) + shift)
@@ -99,15 +111,16 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             if (!look_at_place(receiver, center + direction * place.x, sender)) continue;
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
             float factor = form_factor(sender, strip * place.y);
-            if (factor > 0.0 && !sees_blocked(blocked, front, NEARER)) {
-                vec3 radiance = load_radiance(sender.px) * factor;
-                if (is_near) receive(receiver, sender, radiance, near);
-                else receive(receiver, sender, radiance, light);
-            }
+            if (factor > 0.0 && !sees_blocked(blocked, front, NEARER))
+                receive(receiver, sender, load_radiance(sender.px) * factor, light);
+            // Both parts are summed up as one, of which what is near is told apart: two calls would both be paid for
+            if (is_near) so_far = light;
             blocked |= hidden_by(half_plane, front, sender.offset, sender.position);
         }
+        near = plus(near, difference(so_far, before));
         direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
     }
+    light = difference(light, near);
 }
 #else
 // Light of the next `count` samples of the spiral.
