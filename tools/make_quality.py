@@ -1,8 +1,8 @@
-"""Measures the built-in scenes against the references and writes docs/quality.md from what comes out.
+"""Measures scenes against the references and writes docs/quality.md from what comes out.
 
-    .venv/bin/python tools/make_quality.py                  # all of it, about three quarters of an hour on two cores
-    .venv/bin/python tools/make_quality.py builtin:cornell  # this scene again, the others as they are
-    .venv/bin/python tools/make_quality.py --page           # the page alone, from docs/quality.json
+    .venv/bin/python tools/make_quality.py                              # the built-in scenes, ten minutes each
+    .venv/bin/python tools/make_quality.py cornell sponza=sponza.glb    # these anew, the others as they are
+    .venv/bin/python tools/make_quality.py --page                       # the page alone, from docs/quality.json
 
 Needs `pip install 'ssil-viewer[reference]'`.
 """
@@ -24,13 +24,12 @@ from ssil_viewer.reference.bounce_series import bounce_series  # noqa: E402
 from ssil_viewer.reference.compare import DIFFERENCES, Effort, Progress, compare  # noqa: E402
 from ssil_viewer.reference.path_traced import path_trace, working_variant  # noqa: E402
 from ssil_viewer.scene import default_camera, load_scene  # noqa: E402
-from ssil_viewer.settings import Settings  # noqa: E402
+from ssil_viewer.settings import load_preset  # noqa: E402
 
-SCENES = "builtin:cornell", "builtin:arch", "builtin:atrium"
-VISIBILITY = "off", "horizon"
-SIZE, FRAMES, SAMPLES = (1280, 720), 16, 256
-PEERS_BESIDE = "horizon"    # the mode whose time the other methods meet
-SERIES = "builtin:cornell"
+BUILTIN = "cornell", "arch", "atrium"
+PRESET = "quality"          # with 256 samples and --visibility horizon
+SIZE, FRAMES = (1280, 720), 8
+SERIES = "cornell"
 SERIES_SIZE = 640, 360
 EFFORT = Effort(seconds=150.0)
 DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
@@ -58,21 +57,20 @@ def _remembering():
     return trace
 
 
-def measure(name: str, data: dict) -> None:
-    """All variants of a scene into `data`."""
-    scene, trace = load_scene(name), _remembering()
+def measure(name: str, source: str, data: dict) -> None:
+    """A scene under the preset, and the other methods beside it, into `data`."""
+    scene, trace = load_scene(source), _remembering()
     camera = default_camera(scene)
     data["variant"] = working_variant()
-    for visibility in VISIBILITY:
-        view = dict(size=SIZE, settings=Settings(samples=SAMPLES, visibility=visibility), camera=camera, frames=FRAMES,
-                    progress=_say(f"{name} {visibility}"))
-        done = compare(scene, effort=EFFORT, trace=trace, **view)
-        if visibility == PEERS_BESIDE:
-            compare_all(scene, done, **view)
-        data["comparisons"][f"{name} {visibility}"] = done.result
+    settings = load_preset(PRESET)
+    view = dict(size=SIZE, settings=settings, camera=camera, frames=FRAMES, progress=_say(name))
+    done = compare(scene, effort=EFFORT, trace=trace, **view)
+    compare_all(scene, done, **view)
+    done.result["scene"] = name
+    data["comparisons"][name] = done.result
     if name == SERIES:
         data["series"], warnings = bounce_series(
-            scene, size=SERIES_SIZE, settings=Settings(samples=SAMPLES, visibility="horizon"), camera=camera,
+            scene, size=SERIES_SIZE, settings=settings, camera=camera,
             frames=FRAMES, spp=64, seconds=60.0, progress=_say(f"{name} bounces"))
         for warning in warnings:
             print(warning, file=sys.stderr)
@@ -94,74 +92,87 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def _short(scene: str) -> str:
-    return scene.removeprefix("builtin:")
-
-
 def write_page(data: dict) -> None:
     """docs/quality.md."""
-    found = [(*name.split(), result) for name, result in sorted(
-        data["comparisons"].items(), key=lambda item: (SCENES.index(item[0].split()[0]), item[0].endswith("horizon")))]
+    found = sorted(data["comparisons"].items(), key=lambda item: (item[0] not in BUILTIN, item[0]))
     lines = ["# Errors against the references", "",
              "<!-- Made by tools/make_quality.py from docs/quality.json. Edit that instead. -->", "",
-             f"{SIZE[0]}x{SIZE[1]}, {SAMPLES} samples, {FRAMES} frames, all else as by default; means over "
-             f"{found[0][2]['block']}x{found[0][2]['block']} pixels.",
+             f"`--preset {PRESET}`, {SIZE[0]}x{SIZE[1]}, {FRAMES} frames, each scene's default view; means over "
+             f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md).", ""]
-    for part in (_irradiance, _differences, _images, _methods):
+    for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
         lines += _series(data["series"])
-    notes = sorted({(_short(scene), warning.removeprefix("approximated in R3: "))
-                    for scene, _, result in found for warning in result["warnings"]})
+    notes = sorted({(scene, warning.removeprefix("approximated in R3: "))
+                    for scene, result in found for warning in result["warnings"]})
     lines += ["## What R3 approximates", "", *(f"- {scene}: {note}" for scene, note in notes), ""]
-    seconds = ", ".join(f"{_short(scene)} {result['seconds']['R3']:.0f} s"
-                        for scene, visibility, result in found if visibility == "off")
+    seconds = ", ".join(f"{scene} {result['seconds']['R3']:.0f} s" for scene, result in found)
     lines += [f"Mitsuba's variant was {data['variant']}, on two shared cores; R3 took {seconds}."]
     PAGE.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 
-def _irradiance(found: list[tuple[str, str, dict]]) -> list[str]:
+def _goals(found: list[tuple[str, dict]]) -> list[str]:
+    """What the project set out to reach, beside what it does."""
+    def row(scene: str, result: dict) -> tuple[str, ...]:
+        image = {name: found["relative_rmse"] for name, found in result["image"].items()}
+        rows = {row["method"]: row["image"]["relative_rmse"] for row in result["methods"]["equal_time"]["rows"]}
+        ours, peers = rows.pop("ssil_horizon"), {name: error for name, error in rows.items() if "ssil" not in name}
+        best = min(peers, key=peers.get)
+        return (scene, _number(result["irradiance"]["R3_visible"]["relative_rmse"]),
+                f"{image['ssil'] / image['direct_only']:.2f}", f"{image['ssil'] / image['constant_ambient']:.2f}",
+                f"{ours:.3f}, {best} {peers[best]:.3f}", _number(result["differences"]["missing_layers"]))
+    return ["## Goals", "",
+            "Relative RMSE of the irradiance against R3_visible, to be below 0.12; error of the image over that of",
+            "direct light alone (at most 0.33) and over that with the best constant ambient light (0.5); the image's",
+            "error at equal time beside the best simpler method's. The last column is what no method can know that",
+            "looks at one layer of the screen: light from outside of the image, from behind the camera and from behind",
+            "other things.", "",
+            *_table(("scene", "R3_visible", "over direct light", "over constant", "at equal time", "R3_visible to R3"),
+                    [row(scene, result) for scene, result in found])]
+
+
+def _irradiance(found: list[tuple[str, dict]]) -> list[str]:
     kinds = ("R1", "R2", "R3_visible", "R3")
-    noise = "; ".join(f"{_short(scene)} {result['blocks']}, {_number(result['reference_noise']['R3'])}"
-                      for scene, visibility, result in found if visibility == "off")
+    noise = "; ".join(f"{scene} {result['blocks']}, {_number(result['reference_noise']['R3'])}"
+                      for scene, result in found)
     return ["## Irradiance of one bounce", "",
             "Bias, relative RMSE and correlation of ours against each reference.", "",
-            *_table(("scene", "`--visibility`", *kinds), [
-                (_short(scene), visibility, *(
+            *_table(("scene", *kinds), [
+                (scene, *(
                     f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}"
-                    for x in (result["irradiance"][kind] for kind in kinds))) for scene, visibility, result in found]),
+                    for x in (result["irradiance"][kind] for kind in kinds))) for scene, result in found]),
             f"Blocks compared, and the relative noise that R3 has left in their means: {noise}.", ""]
 
 
-def _differences(found: list[tuple[str, str, dict]]) -> list[str]:
+def _differences(found: list[tuple[str, dict]]) -> list[str]:
     heads = {"noise": "ours, seed to seed", **{key: f"{a} to {b}" for key, (a, b) in DIFFERENCES.items()}}
     return ["## What the error consists of", "",
             "Rms differences of pairs, all over the mean of R3. They do not add up: they have signs.", "",
-            *_table(("scene", "`--visibility`", *heads.values()), [
-                (_short(scene), visibility, *(_number(result["differences"].get(key)) for key in heads))
-                for scene, visibility, result in found])]
+            *_table(("scene", *heads.values()), [
+                (scene, *(_number(result["differences"].get(key)) for key in heads)) for scene, result in found])]
 
 
-def _images(found: list[tuple[str, str, dict]]) -> list[str]:
+def _images(found: list[tuple[str, dict]]) -> list[str]:
     kinds = ("ssil", "direct_only", "constant_ambient")
     return ["## The image with one bounce, against R3", "",
             "Relative RMSE, then FLIP. Noise is what R3's image has: the relative RMSE of the whole of it, and FLIP",
             "between two halves of its samples, which is about twice what noise adds to the other figures.", "",
-            *_table(("scene", "`--visibility`", "SSIL", "direct light", "with best constant", "noise of R3"), [
-                (_short(scene), visibility, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
+            *_table(("scene", "SSIL", "direct light", "with best constant", "noise of R3"), [
+                (scene, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
                     *(result["image"][kind] for kind in kinds), result["image_noise"])))
-                for scene, visibility, result in found])]
+                for scene, result in found])]
 
 
-def _methods(found: list[tuple[str, str, dict]]) -> list[str]:
+def _methods(found: list[tuple[str, dict]]) -> list[str]:
     """Of the scenes that were measured with them."""
-    measured = [(scene, result["methods"]) for scene, _, result in found if "methods" in result]
+    measured = [(scene, result["methods"]) for scene, result in found if "methods" in result]
     if not measured:
         return []
     first = measured[0][1]
     lines = ["## Other methods", "",
              "Simpler methods at their best beside ours ([what they are](compare.md#other-methods)), as they are and",
-             f"with the samples that take about the time of SSIL with `--visibility {PEERS_BESIDE}`. Relative RMSE of",
+             "with the samples that take about the time of SSIL with `--visibility horizon`. Relative RMSE of",
              "the image against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
              f"{first['clock']}.", ""]
     head = "scene", "method", "samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible"
@@ -173,14 +184,14 @@ def _methods(found: list[tuple[str, str, dict]]) -> list[str]:
 
 
 def _method_row(scene: str, row: dict) -> tuple[str, ...]:
-    return (_short(scene), row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
+    return (scene, row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
             *(_number(row["image"].get(key)) for key in ("relative_rmse", "flip")),
             *(_number(row["irradiance"].get(kind, {}).get("relative_rmse")) for kind in ("R1", "R2", "R3_visible")))
 
 
 def _series(series: list[dict]) -> list[str]:
     return ["## More bounces", "",
-            f"{_short(SERIES)}, {SERIES_SIZE[0]}x{SERIES_SIZE[1]}, `--visibility horizon`: the image after some "
+            f"{SERIES}, {SERIES_SIZE[0]}x{SERIES_SIZE[1]}, `--visibility horizon`: the image after some "
             "bounces", "against all light of the path tracer, and the path tracer's own image after as many.", "",
             *_table(("bounces", "bias", "relative RMSE", "path tracer after as many", "ours to that"), [
                 (str(x["bounces"]), _percent(x["bias"]), *(_number(x[key]) for key in (
@@ -190,12 +201,13 @@ def _series(series: list[dict]) -> list[str]:
 def main() -> None:
     """Reads the flags, measures, and writes the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser.add_argument("scenes", nargs="*", default=BUILTIN, metavar="NAME[=FILE]")
     parser.add_argument("--page", action="store_true", help="write the page alone")
     args = parser.parse_args()
     data = json.loads(DATA.read_text()) if DATA.exists() else {"comparisons": {}}
-    for name in () if args.page else args.scenes or SCENES:
-        measure(name, data)
+    for given in () if args.page else args.scenes:
+        name, _, file = given.partition("=")
+        measure(name, file or f"builtin:{name}", data)
         DATA.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     write_page(data)
 
