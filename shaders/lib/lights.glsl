@@ -205,8 +205,9 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         // wide filter would otherwise need an offset that moves the shadow
         Tile view = fetch_tile(tiles, best);
         vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
-        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread,
-                                        plane_slope(view, moved, n, texel));
+        vec2 slope;
+        plane_slope(view, moved, n, texel, slope);
+        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
         total += weight;
     }
     return total > 0.0 ? lit / total : 1.0;
