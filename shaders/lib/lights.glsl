@@ -89,15 +89,17 @@ float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, 
 float sine_of(float cosine) { return sqrt(max(1.0 - cosine * cosine, 0.0)); }
 
 // Change of depth with atlas uv over the plane through a point: planes stay planes in normalised device coordinates.
-vec2 plane_slope(Tile tile, vec3 position, vec3 n, float texel) {
+// False where the light sees the plane edge-on: there is no such slope.
+bool plane_slope(Tile tile, vec3 position, vec3 n, float texel, out vec2 slope) {
     vec3 a = cross(n, abs(n.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 0.0, 1.0)) * texel, b = cross(n, a);
     vec3 here = tile_ndc(tile, position);
     vec3 first = tile_ndc(tile, position + a) - here, second = tile_ndc(tile, position + b) - here;
     float area = first.x * second.y - first.y * second.x;
-    // Edge-on there is no such slope: the texels of the filter then keep the middle's depth
-    if (abs(area) < 0.05 * length(first) * length(second)) return vec2(0.0);
-    vec2 slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / area;
-    return slope / tile.rect.z;     // depth is half of ndc, uv half of ndc times the tile's size
+    slope = vec2(0.0);
+    if (abs(area) < 0.05 * length(first) * length(second)) return false;
+    // Depth is half of ndc, uv half of ndc times the tile's size
+    slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / (area * tile.rect.z);
+    return true;
 }
 
 // Share of a punctual light that arrives: 16 texels of one tile. Each comparison has the depth of the receiver's own plane
@@ -114,9 +116,12 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
     }
     vec4 sizes = texelFetch(tiles, ivec2(5, tile), 0);     // world size of a texel: at unit distance, constant
     float texel = light.kind == LIGHT_DIRECTIONAL ? sizes.y : sizes.x * length(position - light.position);
-    vec3 moved = position + n * (texel * (0.25 + 0.25 * sine_of(clamp(dot(n, wi), 0.0, 1.0))));
     Tile view = fetch_tile(tiles, tile);
-    return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, plane_slope(view, moved, n, texel));
+    vec2 slope;
+    bool followed = plane_slope(view, position, n, texel, slope);
+    float sine = sine_of(clamp(dot(n, wi), 0.0, 1.0));
+    vec3 moved = position + n * (texel * (followed ? 0.25 + 0.25 * sine : 0.5 + 2.0 * sine));
+    return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, slope);
 }
 
 #ifdef AREA_LIGHTS
@@ -200,8 +205,9 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         // wide filter would otherwise need an offset that moves the shadow
         Tile view = fetch_tile(tiles, best);
         vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
-        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread,
-                                        plane_slope(view, moved, n, texel));
+        vec2 slope;
+        plane_slope(view, moved, n, texel, slope);
+        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
         total += weight;
     }
     return total > 0.0 ? lit / total : 1.0;

@@ -48,6 +48,7 @@ void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming lig
     light.weights += weight;
 }
 
+#if VISIBILITY == 2
 Incoming plus(Incoming a, Incoming b) {
     return Incoming(a.irradiance + b.irradiance, a.back_irradiance + b.back_irradiance, a.directions + b.directions,
                     a.weights + b.weights);
@@ -59,7 +60,6 @@ Incoming difference(Incoming whole, Incoming part) {
                     whole.directions - part.directions, max(whole.weights - part.weights, 0.0));
 }
 
-#if VISIBILITY == 2
 // Bits; less than the half that is sure to do, since senders follow their planes and lie where the row does.
 const float NEARER = 0.35;
 

@@ -34,7 +34,7 @@ struct Sender {
 vec3 position_on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
     vec2 away = (place - vec2(at) - 0.5) * scale;
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
-    float at_center = dot(surface.normal, vec3(ray, -1.0));
+    float at_center = min(dot(surface.normal, vec3(ray, -1.0)), -1e-4);
     float moved = at_center / min(at_center + dot(surface.normal.xy, away), -1e-4);
     return position_from_ray(ray + away, surface.view_depth * clamp(moved, 0.9, 1.1));
 }

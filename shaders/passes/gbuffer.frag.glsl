@@ -59,7 +59,8 @@ void main() {
 #endif
     n = turned_to_camera(n, to_camera);
     // Of the triangle itself: what decides how much surface a pixel stands for, and from which side it is seen
-    vec3 triangle = normalize_or(cross(dFdx(position_vs), dFdy(position_vs)), n);
+    vec3 across = normalize_or(dFdx(position_vs), vec3(0.0)), up = normalize_or(dFdy(position_vs), vec3(0.0));
+    vec3 triangle = normalize_or(cross(across, up), n);
     triangle = dot(triangle, to_camera) < 0.0 ? -triangle : triangle;
 
     // A fully rough dielectric is taken as Lambertian: its specular lobe, 4 % of Fresnel reflection spread

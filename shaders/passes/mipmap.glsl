@@ -88,8 +88,10 @@ void shade(ivec2 px) {
     // neighbouring blocks overlap, so what moves from one to the next fades over instead of jumping.
     vec2 center = ray_from_pixel(vec2(base) + 1.0, scale, frame.ray_origin);
     Shares shares = Shares(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-    for (int c = 0; c < 4; ++c)
-        add(shares, candidates, block[c], rays[c], center, nearest, farthest, votes(base + ivec2(c & 1, c >> 1)) * 0.15);
+    for (int c = 0; c < 4; ++c) {
+        ivec2 at = min(base + ivec2(c & 1, c >> 1), last);
+        add(shares, candidates, block[c], rays[c], center, nearest, farthest, votes(at) * 0.15);
+    }
     for (int j = 0; j < neighbours; ++j) {
         ivec2 offset = ivec2(j & 1, (j >> 1 & 1) * 3 - 1);
         ivec2 at = clamp(base + (j < 4 ? offset : offset.yx), ivec2(0), last);
@@ -111,8 +113,9 @@ void shade(ivec2 px) {
         }
     }
     float squared = dot(normal, normal);
+    // The share of a lone texel ends as 0: it stays as it is
     out_surface = total > 0.0 && squared > 0.0 ? Surface(depth / total, normal * inversesqrt(squared))
-                                               : load_surface(base);
+                                               : load_surface(min(base + ivec2(winner & 1, winner >> 1), last));
     out_winner = uint(winner) | (uint(clamp(total, 0.0, 1.0) * 63.0 + 0.5) << 2);
 #elif MIP_FILTER == 1
     out_surface = load_surface(base);

@@ -224,6 +224,8 @@ class _Comparing:
         texels = Senders.of_texels(renderer, self._camera, self._settings.start_level)
         occluders = self._occluders() if "R2" in wanted else None
         names = [name for name in wanted if name == "R1" or occluders is not None]
+        if not names:
+            return {}
         parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "R1_texels")}
         begun = time.perf_counter()
         for index, (rows, columns) in enumerate(zip(self._rows, self._columns)):

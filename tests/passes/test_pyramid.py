@@ -59,6 +59,22 @@ def test_vote_invents_nothing(make_renderer, stage, size):
         assert (depth[surface] <= fine_depth.max(0)[surface] * (1 + 1e-5)).all()
 
 
+@pytest.mark.parametrize("pixel", [(20, 20), (21, 20), (22, 21), (23, 23), (31, 16), (32, 31)])
+def test_a_lone_pixel_stays_at_every_level(make_renderer, pixel):
+    """Its share of the footprint ends as nothing, but a block with any surface in it counts as surface."""
+    width, height, tan = 64, 48, 0.5
+    side = 2 * tan / height     # of a pixel, a metre away
+    corner = (pixel[0] - width / 2 + 0.1) * side, (pixel[1] - height / 2 + 0.1) * side, -1.0
+    speck = scenes.rectangle(corner, (0.8 * side, 0, 0), (0, 0.8 * side, 0))
+    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), vertical_fov=2 * np.arctan(tan), near=0.1)
+    renderer = make_renderer(scenes.scene((speck,), (Material(),)), (width, height), samples=1, start_level=1, levels=4)
+    renderer.render(camera)
+    for level in range(renderer.settings.last_level + 1):
+        depth = renderer.read("view_depth", level)
+        assert np.count_nonzero(depth) == 1
+        assert depth.max() == pytest.approx(1.0, rel=1e-4)
+
+
 def test_vote_keeps_a_plane_where_it_is(make_renderer):
     """Depth slides along the winner's plane: every level of a slanted floor lies in the floor."""
     floor = scenes.rectangle((-50, -1, 50), (100, 0, 0), (0, 0, -100))

@@ -33,7 +33,7 @@ def test_matches_the_sum_over_all_pixels(make_renderer, name):
     assert error < 0.15
 
 
-def test_vote_is_at_least_as_good_as_nearest(make_renderer):
+def test_rings_lose_no_more_with_vote_than_with_nearest(make_renderer):
     """Error against the sum over all texels of the starting level, in a scene with thin things: how much the coarser
     levels lose. What the starting level itself loses against the image's own pixels is in docs/method/mipmap.md."""
     scene = load_scene("builtin:atrium")

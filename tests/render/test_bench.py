@@ -79,9 +79,10 @@ def test_floors_count_each_declared_texel_once(make_renderer):
     assert traffic["temporal"] == pixels * (8 + 4 + 8 + 8 + 8 + 8)
     # gbuffer: surface, albedo, specular, emission, motion and the depth buffer
     assert traffic["gbuffer"] == pixels * (8 + 4 + 4 + 4 + 8 + 4)
-    # gather reads surface and radiance and writes two lobes, at levels 1 and 2
-    texels = sum(math.prod(level_size(size, level)) for level in (1, 2))
-    assert traffic["gather"] == texels * (8 + 4 + 8 + 8)
+    # gather reads surface and radiance and writes two lobes, at levels 1 and 2; before its ring it looks for what blocks
+    # on the surfaces of level 1
+    first, second = (math.prod(level_size(size, level)) for level in (1, 2))
+    assert traffic["gather"] == (first + second) * (8 + 4 + 8 + 8) + first * 8
     renderer.render(CAMERA)
     assert traffic["temporal"] == pixels * 44, "counts only inside"
 

@@ -46,26 +46,28 @@ def lit_wall(with_block: bool):
     return scenes.scene(parts, (WHITE,), (lamp,))
 
 
-def test_a_block_shades_what_is_behind_it(make_renderer, stage):
-    """The floor right of the block: at least half of what rays say is missing is missing. Rings are gathered at coarse
-    levels, so that shadows of far senders are soft, and the block hides more than the camera can tell. At half the size
-    the block is as wide as one texel of those levels."""
+@pytest.mark.parametrize(("size", "least"), [((640, 360), 0.5), ((320, 180), 0.2)])
+def test_a_block_shades_what_is_behind_it(make_renderer, stage, size, least):
+    """The floor right of the block: of what rays say is missing, at least half is missing. Rings are gathered at coarse
+    levels, so that shadows of far senders are soft, and the block hides more than the camera can tell. In a picture of
+    half the size less of the shadow is left (docs/method/horizon.md, known issues)."""
     camera = Camera(eye=(0.0, 2.5, 4.0), target=(0.0, 0.3, 0.0), vertical_fov=0.9)
     shares = {}
     for visibility in ("off", "horizon"):
         light = []
         for with_block in (False, True):
             scene = lit_wall(with_block)
-            renderer = make_renderer(scene, (640, 360), samples=256, visibility=visibility, stage=stage)
+            renderer = make_renderer(scene, size, samples=256, visibility=visibility, stage=stage)
             render_frames(renderer, camera, 8)
             light.append(renderer.read("indirect").mean(-1))
-        behind = np.s_[170:230, 360:460]
+        top, left = 170 * size[1] // 360, 360 * size[0] // 640
+        behind = np.s_[top:top + size[1] // 6, left:left + size[0] * 5 // 32]
         shares[visibility] = light[1][behind].mean() / light[0][behind].mean()
     rows, columns = (places[renderer.read("view_depth")[behind] > 0] for places in np.mgrid[behind])
     all_of_it, seen = references(renderer, camera, scene, renderer.settings.start_level, rows, columns)
     true_share = seen.mean() / all_of_it.mean()
     assert true_share < 0.8
-    assert shares["horizon"] < shares["off"] - 0.5 * (1 - true_share)
+    assert shares["horizon"] < shares["off"] - least * (1 - true_share)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 7, 17, 64])
