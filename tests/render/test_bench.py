@@ -79,8 +79,8 @@ def test_floors_count_each_declared_texel_once(make_renderer):
     assert traffic["temporal"] == pixels * (8 + 4 + 8 + 8 + 8 + 8)
     # gbuffer: surface, albedo, specular, emission, motion and the depth buffer
     assert traffic["gbuffer"] == pixels * (8 + 4 + 4 + 4 + 8 + 4)
-    # gather reads surface and radiance and writes two lobes, at levels 1 and 2; before its ring it looks for blockers on
-    # the surfaces of level 1
+    # gather reads surface and radiance and writes two lobes, at levels 1 and 2; before its ring it looks for blockers
+    # on the surfaces of level 1
     first, second = (math.prod(level_size(size, level)) for level in (1, 2))
     assert traffic["gather"] == (first + second) * (8 + 4 + 8 + 8) + first * 8
     renderer.render(CAMERA)
