@@ -42,7 +42,7 @@ void add(inout Shares shares, Candidates a, Surface b, vec2 ray, vec2 center, fl
     vec4 facing = max(a.normal_x * b.normal.x + a.normal_y * b.normal.y + a.normal_z * b.normal.z, 0.0);
     vec4 off_plane = abs(a.normal_x * q.x + a.normal_y * q.y + a.normal_z * q.z - a.offset);
     vec4 near = 1.0 / (1.0 + off_plane * a.nearness);
-    vec4 same = facing * near * near, support = same * same;
+    vec4 same = facing * sqrt(sqrt(facing)) * near * near, support = same * same;
     shares.score += weight * (support * support);
     same *= weight;
     shares.total += same;

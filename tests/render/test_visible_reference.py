@@ -126,7 +126,7 @@ def test_few_rays_are_right_in_the_mean(make_renderer):
 
 def test_without_visibility_a_hidden_part_is_bias(make_renderer):
     """The renderer's own light against R1 and R2 of the same blocks: it misses what the wall hides by design."""
-    renderer = make_renderer(behind_a_wall(), (320, 180), samples=128, start_level=1)
+    renderer = make_renderer(behind_a_wall(), (320, 180), samples=128, start_level=1, visibility="off")
     for _ in range(4):
         renderer.render(CAMERA)
     unoccluded = compare_with_sum(renderer, CAMERA, 1, blocks=60)
