@@ -99,7 +99,8 @@ def write_page(data: dict) -> None:
              "<!-- Made by tools/make_quality.py from docs/quality.json. Edit that instead. -->", "",
              f"`--preset {PRESET}`, {SIZE[0]}x{SIZE[1]}, {FRAMES} frames, each scene's default view; means over "
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
-             "What the references are and what their differences show: [compare.md](compare.md).", ""]
+             "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
+             "Sponza, which is not part of the program.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
