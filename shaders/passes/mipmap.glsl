@@ -31,8 +31,8 @@ float votes(ivec2 at) {
 }
 
 // Adds a neighbour `b` with its weight. On a candidate's surface it lies by the agreement of normals and the
-// closeness to the tangent plane, s = f / (1 + u)^2: mild, since bumps of one surface should average out. It supports the
-// candidate by s^4. The power of the cosine is a trade: lower is steadier, and rounds the corners off that light one
+// closeness to the tangent plane, s = f^1.25 / (1 + u)^2: mild, since bumps of one surface should average out. It supports
+// the candidate by s^4. The power of the cosine is a trade: lower is steadier, and rounds the corners off that light one
 // another (docs/method/mipmap.md).
 void add(inout Shares shares, Candidates a, Surface b, vec2 ray, vec2 center, float nearest, float farthest,
          float weight) {
