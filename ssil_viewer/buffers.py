@@ -76,6 +76,7 @@ BUFFERS: dict[str, Buffer] = {
     "winner": Buffer(("winner",), (0,), INDEX, "which of its four finer texels a texel kept, x + 2 y, plus "
                      "4 * the share of its footprint in 63rds"),
     "gather": Buffer(("gather",)),
+    "unseen": Buffer(("unseen",)),
     "light": Buffer(("light",)),
     "upsample": Buffer(("all_bounces", "upsample"), meaning="irradiance of all bounces in this frame alone, W m^-2"),
     "bounce_radiance": Buffer(("bounce_radiance",)),

@@ -22,10 +22,12 @@ from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
+from ssil_viewer.gpu.unseen_senders import UnseenSenders
 from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
+from ssil_viewer.passes.unseen import gathers_unseen
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
@@ -38,6 +40,7 @@ class SceneFrame(Frame):
     lights: LightTable
     shadows_stale: bool
     drawer: SceneDrawer
+    unseen: UnseenSenders | None = None
 
     def draw_gbuffer(self, writes: tuple[tuple[str, str], ...]) -> None:
         """Rasterize the scene's materials into the bound framebuffer."""
@@ -97,6 +100,7 @@ class Renderer:
         self.environment: Environment | None = None
         self._environment_maps: EnvironmentMaps | None = None
         self._gpu_scene: GpuScene | None = None
+        self._unseen: UnseenSenders | None = None
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
         self._lights_moved = True
@@ -151,6 +155,7 @@ class Renderer:
             raise
         if self._gpu_scene is not None:
             self._gpu_scene.release()
+        self._forget_unseen()
         self._gpu_scene = fresh
         self._drawer.set_scene(fresh)
         self.scene = scene
@@ -174,7 +179,7 @@ class Renderer:
         if environment is not None:
             fresh = EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
         try:
-            self._runner.set_features({"environment"} if fresh else ())
+            self._runner.set_features(self._features(fresh is not None, self._unseen is not None))
         except UserError:
             if fresh is not None:
                 fresh.release()
@@ -183,6 +188,31 @@ class Renderer:
             self._environment_maps.release()
         self._environment_maps, self.environment = fresh, environment
         self.reset_history()
+
+    @staticmethod
+    def _features(environment: bool, unseen: bool) -> set[str]:
+        return ({"environment"} if environment else set()) | ({"unseen"} if unseen else set())
+
+    def _meet_unseen(self) -> None:
+        """Make what the passes of unseen light read, once they are on: it takes long, so no earlier.
+
+        Raises:
+            UserError: It does not fit into memory; the passes stay off then.
+        """
+        if self._unseen is None and gathers_unseen(self.settings) and self.scene.triangle_count:
+            unseen = UnseenSenders(self.context, self.scene, self.origin)
+            try:
+                self._runner.set_features(self._features(self.environment is not None, True))
+            except UserError:
+                unseen.release()
+                raise
+            self._unseen = unseen
+
+    def _forget_unseen(self) -> None:
+        if self._unseen is not None:
+            self._unseen.release()
+            self._unseen = None
+            self._runner.set_features(self._features(self.environment is not None, False))
 
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
@@ -219,6 +249,7 @@ class Renderer:
         """
         if self.scene is None:
             raise FrameError("render needs a scene: call set_scene first")
+        self._meet_unseen()
         gpu_scene, lights = self._gpu_scene, self._light_table
         view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds, self._runner.band)
         with self._runner.frame():
@@ -229,8 +260,10 @@ class Renderer:
                               self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
             tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
+            tables |= self._unseen.textures if self._unseen else {}
             frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
-                               gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer)
+                               gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer,
+                               unseen=self._unseen)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
                 self._draw_view(*self._view_name)
@@ -423,5 +456,7 @@ class Renderer:
         self._light_table.release()
         if self._environment_maps is not None:
             self._environment_maps.release()
+        if self._unseen is not None:
+            self._unseen.release()
         if self._gpu_scene is not None:
             self._gpu_scene.release()

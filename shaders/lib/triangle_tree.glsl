@@ -1,4 +1,4 @@
-// Rays against the triangles of a scene: what reference/triangle_tree.py builds and reference/gpu_triangles.py uploads.
+// Rays against the triangles of a scene: what scene/triangle_tree.py builds and gpu/triangle_tables.py uploads.
 // Tables are rows of TABLE_WIDTH texels. MASKED: some triangles have holes.
 
 const int TABLE_BITS = 12;
@@ -37,7 +37,7 @@ int wrapped_texel(float coordinate, int count, int wrap) {
 }
 
 // Whether a masked triangle has a hole at barycentric coordinates; three texels for each in `corners`, two for each mask
-// in `masks` (reference/gpu_triangles.py).
+// in `masks` (gpu/triangle_tables.py).
 bool is_hole(sampler2D corners, sampler2D masks, sampler2D alphas, int triangle, float u, float v) {
     vec4 a = fetch_row_major(corners, triangle * 3);
     vec4 b = fetch_row_major(corners, triangle * 3 + 1);

@@ -157,6 +157,16 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
 }
 #endif
 
+#ifdef HAS_UNSEEN
+void receive_unseen(Lobe lobe, vec3 normal, inout Incoming light) {
+    light.irradiance += lobe.flux * (lobe_response(lobe.direction, normal) * (1.0 / PI));
+    light.back_irradiance += lobe.flux * (lobe.back * (1.0 / PI));
+    float weight = lobe_weight(lobe.flux) * (1.0 / PI);
+    light.directions += lobe.direction * weight;
+    light.weights += weight;
+}
+#endif
+
 Lobe lobe_of(Incoming light, vec3 normal) {
     return make_lobe(light.irradiance * PI, light.back_irradiance * PI, light.directions, light.weights, normal);
 }
@@ -194,6 +204,9 @@ void shade(ivec2 px) {
         if (rest) light = sum;
         else near = sum;
     }
+#endif
+#ifdef HAS_UNSEEN
+    receive_unseen(load_unseen(px), surface.normal, light);
 #endif
     out_near = lobe_of(near, surface.normal);
     out_gather = lobe_of(light, surface.normal);

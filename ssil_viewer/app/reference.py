@@ -16,12 +16,12 @@ import numpy as np
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
+from ssil_viewer.gpu.triangle_tables import TriangleTables
 from ssil_viewer.headless import read_display
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference import metrics
 from ssil_viewer.reference.gpu_pictures import ReferencePictures, Scale
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
-from ssil_viewer.reference.gpu_triangles import TriangleTables
 from ssil_viewer.scene.model import Scene
 from ssil_viewer.settings import Settings
 

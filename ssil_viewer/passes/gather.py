@@ -47,6 +47,7 @@ class Gather(ScreenPass):
     shader = "passes/gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance"),
              "blockers": Read.of("surface", offset="start", optional=True),
+             "unseen": Read.of("unseen", optional=True),
              "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
              "depth_range": Read.of("depth_range", offset=None, optional=True)}
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
@@ -75,8 +76,10 @@ class Gather(ScreenPass):
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
+            adds_unseen = frame.bounce == 1 and frame.has_target("unseen", level)
             # The near field is a uniform, not a definition: a second program would compile for longer than it saves
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
                                    "first_texel": float(2**first), "octave_steps": octave_steps,
                                    "blocking_steps": (level - first) * octave_steps, **rows},
-                           chosen, frozenset(unread), sent_radiance(frame.bounce))
+                           chosen, frozenset(unread if adds_unseen else unread | {"unseen"}),
+                           sent_radiance(frame.bounce))

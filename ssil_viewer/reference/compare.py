@@ -20,10 +20,10 @@ from ssil_viewer.reference.gpu_pictures import Scale
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
-from ssil_viewer.reference.triangles import LIFT
 from ssil_viewer.reference.whole_image import sum_whole_image
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.scene.triangles import LIFT
 from ssil_viewer.settings import Settings
 
 REFERENCES = ("R1", "R2", "R3")

@@ -18,10 +18,10 @@ import numpy as np
 
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size, rendered_size, target_bytes, texture_bytes
+from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables
 from ssil_viewer.passes.base import switch
 from ssil_viewer.pipeline import Renderer
-from ssil_viewer.reference.gpu_triangles import GpuTriangles, TriangleTables
-from ssil_viewer.reference.triangles import LIFT
+from ssil_viewer.scene.triangles import LIFT
 
 Kind = Literal["R1", "R2"]
 

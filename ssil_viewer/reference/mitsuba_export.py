@@ -17,6 +17,7 @@ import numpy as np
 from ssil_viewer.reference.mitsuba_lights import Notes, light_description
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Primitive, Scene, TextureRef
+from ssil_viewer.scene.texels import linear_from_srgb
 from ssil_viewer.settings import Settings
 
 _DIFFUSE_ROUGHNESS = 1.0
@@ -221,13 +222,6 @@ class _Bsdfs:
         return False
 
 
-def _linear(pixels: np.ndarray) -> np.ndarray:
-    """Linear float32 of sRGB-encoded bytes."""
-    levels = np.arange(256, dtype=np.float32) / 255
-    table = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    return table[pixels]
-
-
 def _bitmap(data: np.ndarray, ref: TextureRef, nearest: bool = False) -> dict[str, Any]:
     if ref.wrap_u == ref.wrap_v:
         wrap = ref.wrap_u       # Mitsuba has the same names
@@ -246,7 +240,7 @@ def _uv_transform(ref: TextureRef) -> np.ndarray:
 
 def _picture(images: tuple[Image, ...], ref: TextureRef, factor: np.ndarray, srgb: bool, most: float = 1.0) -> dict:
     pixels = images[ref.image].pixels[..., :3]
-    data = _linear(pixels) if srgb else pixels.astype(np.float32) / 255
+    data = linear_from_srgb(pixels) if srgb else pixels.astype(np.float32) / 255
     return _bitmap(np.clip(data * np.asarray(factor, np.float32), 0, most), ref)
 
 
@@ -280,7 +274,7 @@ def _emission(images: tuple[Image, ...], material: Material) -> dict[str, Any]:
     if ref is None or ref.texcoord != _uv_set(material):
         factor = np.asarray(material.emission, np.float64)
         if ref is not None:
-            factor = factor * _linear(images[ref.image].pixels[..., :3]).mean((0, 1))
+            factor = factor * linear_from_srgb(images[ref.image].pixels[..., :3]).mean((0, 1))
         return {"type": "rgb", "value": factor.tolist()}
     return _picture(images, ref, np.asarray(material.emission), srgb=True, most=np.inf)
 

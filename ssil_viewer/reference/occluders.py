@@ -7,8 +7,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from ssil_viewer.gpu.light_table import look_along
-from ssil_viewer.reference.triangles import LIFT, MOST_HOLES, SceneTriangles
 from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.scene.triangles import LIFT, MOST_HOLES, SceneTriangles
 
 
 class Occluders:

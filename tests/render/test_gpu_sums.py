@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from ssil_viewer.gpu.light_table import look_along
+from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables
 from ssil_viewer.reference.all_pixels import irradiance, read_surfaces
 from ssil_viewer.reference.gpu_sums import MOST_SENDERS_AT_ONCE, ProgressiveReference, slice_bits
-from ssil_viewer.reference.gpu_triangles import GpuTriangles, TriangleTables
 from ssil_viewer.reference.metrics import block_means
 from ssil_viewer.reference.occluders import Occluders
-from ssil_viewer.reference.triangles import LIFT
 from ssil_viewer.reference.visible_pixels import seen_points, sums
 from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.model import Camera, Image, Material, TextureRef
+from ssil_viewer.scene.triangles import LIFT
 from tests import scenes
 from tests.gpu_function import evaluate
 from tests.render.test_closed_forms import GLOWING

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssil_viewer.reference.triangle_tree import LEAF, build_tree
+from ssil_viewer.scene.triangle_tree import LEAF, build_tree
 
 
 def leaves_met(tree, start, end):

@@ -13,9 +13,9 @@ import numpy as np
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.memory import allocating
-from ssil_viewer.reference.triangle_tree import TriangleTree, build_tree
-from ssil_viewer.reference.triangles import Mask, SceneTriangles
 from ssil_viewer.scene.model import Scene
+from ssil_viewer.scene.triangle_tree import TriangleTree, build_tree
+from ssil_viewer.scene.triangles import Mask, SceneTriangles
 
 TABLE_WIDTH = 4096      # shaders/lib/triangle_tree.glsl
 _MOST_TRIANGLES = 2**24     # floats count no farther

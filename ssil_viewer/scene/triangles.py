@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssil_viewer.scene.model import Image, Material, Primitive, Scene, TextureRef
+from ssil_viewer.scene.model import Image, Material, Primitive, Scene
+from ssil_viewer.scene.texels import nearest_texels, transformed_uv
 
 LIFT = 3e-4
 """Of the view depth, by which both ends of a ray stand off their surfaces towards the camera: a third of a pixel at 720
@@ -38,18 +39,15 @@ class Mask:
         self.wraps = ("repeat", "repeat")
         if (ref := material.base_color_texture) is not None:
             self.pixels = images[ref.image].pixels[..., 3]
-            self.uv = _transformed(primitive.texcoords[:, ref.texcoord], ref)[primitive.indices]
+            self.uv = transformed_uv(primitive.texcoords[:, ref.texcoord], ref)[primitive.indices]
             self.wraps = (ref.wrap_u, ref.wrap_v)
 
     def is_hole(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """For triangles (N,) and barycentric weights (N, 3)."""
         alpha = (self.alpha[triangle] * weights).sum(-1)
         if self.pixels is not None:
-            u, v = (self.uv[triangle] * weights[..., None]).sum(1).T
-            height, width = self.pixels.shape
-            column = _wrapped(np.floor(u * width).astype(int), width, self.wraps[0])
-            row = _wrapped(np.floor(v * height).astype(int), height, self.wraps[1])
-            alpha = alpha * self.pixels[row, column] / 255.0
+            uv = (self.uv[triangle] * weights[..., None]).sum(1)
+            alpha = alpha * nearest_texels(self.pixels, uv, self.wraps) / 255.0
         return alpha < self.cutoff
 
 
@@ -90,17 +88,3 @@ class SceneTriangles:
         none = np.zeros((0, 3, 3), np.float32)
         return SceneTriangles(np.concatenate([none, *solid]), np.concatenate([none, *masked]), tuple(masks),
                               np.cumsum([0, *(len(triangles) for triangles in masked)]))
-
-
-def _transformed(uv: np.ndarray, ref: TextureRef) -> np.ndarray:
-    """Texture coordinates after KHR_texture_transform."""
-    c, s = np.cos(ref.rotation), np.sin(ref.rotation)
-    return (uv.astype(np.float64) * ref.scale) @ np.array([[c, s], [-s, c]]).T + ref.offset
-
-
-def _wrapped(texel: np.ndarray, count: int, wrap: str) -> np.ndarray:
-    if wrap == "clamp":
-        return np.clip(texel, 0, count - 1)
-    if wrap == "mirror":
-        return np.minimum(texel % (2 * count), 2 * count - 1 - texel % (2 * count))
-    return texel % count

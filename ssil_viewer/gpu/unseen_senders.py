@@ -1,0 +1,67 @@
+"""What the passes of unseen light know of the scene: its surfels and its triangles, as textures."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from ssil_viewer.gpu.memory import allocating
+from ssil_viewer.gpu.scene_buffers import float_table
+from ssil_viewer.gpu.targets import SURFEL_SIDE
+from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables
+from ssil_viewer.scene.model import Scene
+from ssil_viewer.scene.surfels import spread_surfels
+
+_FIELDS = ("position", "normal", "albedo", "emission")
+
+
+class UnseenSenders:
+    """Surfels and triangles of a scene, relative to `origin`, as they stand when this is made.
+
+    Attributes:
+        textures: By their names in shaders, without "texture_": `surfel_position` (the area in alpha), `surfel_normal`,
+            `surfel_albedo` and `surfel_emission`, 2^LEVELS texels a side in Z-order; and those of `GpuTriangles`.
+        node_count, masked: Of the triangles' tree.
+
+    Raises:
+        UserError: They do not fit into memory; nothing is allocated then.
+    """
+
+    def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray) -> None:
+        surfels = spread_surfels(scene, origin, SURFEL_SIDE**2)
+        self._triangles = GpuTriangles(context, TriangleTables.of(scene, origin))
+        self.node_count, self.masked = self._triangles.node_count, self._triangles.masked
+        self._own: dict[str, moderngl.Texture] = {}
+        try:
+            with allocating(context, "the surfels of unseen light", scene.name, "give --unseen-samples 0"):
+                for name in _FIELDS:
+                    texels = np.zeros((SURFEL_SIDE**2, 4), np.float32)
+                    texels[:len(surfels.area), :3] = getattr(surfels, name)
+                    if name == "position":
+                        texels[:len(surfels.area), 3] = surfels.area
+                    self._own[f"surfel_{name}"] = float_table(context, SURFEL_SIDE, SURFEL_SIDE)
+                    self._own[f"surfel_{name}"].write(_z_ordered(texels).tobytes())
+        except BaseException:
+            self.release()
+            raise
+        self.textures = self._own | self._triangles.textures
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        for texture in self._own.values():
+            texture.release()
+        self._own.clear()
+        self._triangles.release()
+
+
+def _z_ordered(texels: np.ndarray) -> np.ndarray:
+    """(SIDE^2, C) along the Z-order curve to (SIDE, SIDE, C), so that a square of texels is a run of surfels."""
+    bits = SURFEL_SIDE.bit_length() - 1
+    index = np.arange(SURFEL_SIDE**2)
+    column, row = np.zeros_like(index), np.zeros_like(index)
+    for bit in range(bits):
+        column |= (index >> (2 * bit) & 1) << bit
+        row |= (index >> (2 * bit + 1) & 1) << bit
+    placed = np.zeros((SURFEL_SIDE, SURFEL_SIDE, texels.shape[1]), texels.dtype)
+    placed[row, column] = texels
+    return placed

@@ -1,0 +1,123 @@
+"""Light from surfaces that the image does not show."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Iterable
+
+from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
+from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pipeline import SceneFrame
+
+UNSEEN = frozenset({"unseen"})
+_CANDIDATES = 16        # of each ray: measured, see docs/method/unseen.md
+_TRIANGLES = {name: "sampler2D" for name in ("nodes", "triangles", "corners", "masks", "alphas")}
+
+
+def gathers_unseen(settings: Settings) -> bool:
+    """Whether light from unseen surfaces is asked for."""
+    return settings.unseen_samples > 0 and settings.bounces > 0
+
+
+def _random_seed(frame: SceneFrame) -> int:
+    """Differs from frame to frame while a temporal filter takes the mean."""
+    settings = frame.settings
+    return (settings.seed * 7919 + (frame.runner.frame_index if settings.temporal else 0)) % 2**31
+
+
+def _holes(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
+    return (("MASKED", ""),) if frame.unseen.masked else ()
+
+
+class _UnseenPass(ScreenPass):
+    requires = UNSEEN
+
+    def enabled(self, settings: Settings) -> bool:
+        return gathers_unseen(settings)
+
+
+class UnseenLight(_UnseenPass):
+    """Direct light on the surfels of the scene, and what of it the image does not show.
+
+    Source: virtual point lights after Keller 1997, "Instant radiosity", laid onto the surfaces evenly by area.
+    """
+
+    name = "unseen_light"
+    shader = "passes/unseen_light.glsl"
+    reads = {"surface": Read.of("surface", offset=None)}
+    tables = {"surfel_position": "sampler2D", "surfel_normal": "sampler2D", "surfel_albedo": "sampler2D",
+              "surfel_emission": "sampler2D", "lights": "sampler2D", "shadow_tiles": "sampler2D",
+              "shadow_atlas": "sampler2DShadow", "environment_irradiance": "sampler2D", **_TRIANGLES}
+    writes = {"unseen_radiance": Target("rgba32f", "diffuse exitant radiance of each surfel, W m^-2 sr^-1, 0 where the "
+                                        "image shows it; alpha: radiance times area", "surfels", exists=gathers_unseen)}
+    uniforms = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
+        if frame.has_feature("environment"):
+            defines += [("ENVIRONMENT", ""), *_holes(frame)]
+        yield Dispatch(0, {"punctual_lights": frame.lights.punctual_count, "node_count": frame.unseen.node_count,
+                           "random_seed": _random_seed(frame)}, tuple(defines))
+
+
+class UnseenSums(_UnseenPass):
+    """Pyramid of sums over the surfels' light, down which `UnseenDraw` finds its way.
+
+    Source: Clarberg et al. 2005, "Wavelet importance sampling", hierarchical warping.
+    """
+
+    name = "unseen_sums"
+    shader = "passes/unseen_sums.glsl"
+    reads = {"radiance": Read.of("unseen_radiance", offset=None, optional=True),
+             "finer": Read.of("unseen_sums", offset=-1, optional=True)}
+    writes = {"unseen_sums": Target("rgba32f", "radiance times area, summed over each quarter of what a texel covers",
+                                    "surfel_sums", exists=gathers_unseen)}
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        for level in range(1, SURFEL_BITS + 1):
+            yield Dispatch(level, omit=frozenset({"finer" if level == 1 else "radiance"}))
+
+
+class UnseenDraw(_UnseenPass):
+    """Senders of one frame, drawn from the surfels in proportion to their light, so that all carry the same."""
+
+    name = "unseen_draw"
+    shader = "passes/unseen_draw.glsl"
+    reads = {"radiance": Read.of("unseen_radiance", offset=None),
+             **{f"sums_{level}": Read.of("unseen_sums", offset=level) for level in range(1, SURFEL_BITS + 1)}}
+    tables = {"surfel_position": "sampler2D", "surfel_normal": "sampler2D"}
+    writes = {"unseen_position": Target("rgba32f", "position in view space, metres, of a drawn sender; alpha: the area "
+                                        "of its surfel", "drawn_senders", exists=gathers_unseen),
+              "unseen_power": Target("rgba32f", "radiance times the area that a drawn sender stands for; alpha: its "
+                                     "normal in view space", "drawn_senders", exists=gathers_unseen)}
+    uniforms = {"side": "int", "random_seed": "int"}
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        yield Dispatch(0, {"side": DRAWN_SIDE, "random_seed": _random_seed(frame)})
+
+
+class UnseenGather(_UnseenPass):
+    """Irradiance from unseen senders at the level after the starting one, by rays against the scene's triangles.
+
+    Each ray goes to one of several candidates, chosen in proportion to what it would bring if nothing were in the way.
+
+    Source: Talbot et al. 2005, "Importance resampling for global illumination".
+    """
+
+    name = "unseen_gather"
+    shader = "passes/unseen_gather.glsl"
+    reads = {"surface": Read.of("surface"), "position": Read.of("unseen_position", offset=None),
+             "power": Read.of("unseen_power", offset=None)}
+    tables = _TRIANGLES
+    writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
+                               "unseen", exists=gathers_unseen)}
+    uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "node_count": "int",
+                "random_seed": "int"}
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        level = frame.settings.unseen_level
+        yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
+                               "candidates": _CANDIDATES, "node_count": frame.unseen.node_count,
+                               "random_seed": _random_seed(frame)}, _holes(frame))

@@ -1,0 +1,41 @@
+"""Texture lookups on the CPU: the texel at a place, without filtering."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssil_viewer.scene.model import Image, TextureRef, Wrap
+
+
+def transformed_uv(uv: np.ndarray, ref: TextureRef) -> np.ndarray:
+    """Texture coordinates (..., 2) after KHR_texture_transform, float64."""
+    c, s = np.cos(ref.rotation), np.sin(ref.rotation)
+    return (uv.astype(np.float64) * ref.scale) @ np.array([[c, s], [-s, c]]).T + ref.offset
+
+
+def wrapped(texel: np.ndarray, count: int, wrap: Wrap) -> np.ndarray:
+    """Whole texel numbers brought into 0 to count - 1."""
+    if wrap == "clamp":
+        return np.clip(texel, 0, count - 1)
+    if wrap == "mirror":
+        return np.minimum(texel % (2 * count), 2 * count - 1 - texel % (2 * count))
+    return texel % count
+
+
+def nearest_texels(pixels: np.ndarray, uv: np.ndarray, wraps: tuple[Wrap, Wrap]) -> np.ndarray:
+    """The texels (N, ...) of an image (h, w, ...) at texture coordinates (N, 2) that are transformed already."""
+    height, width = pixels.shape[:2]
+    column, row = np.floor(uv * (width, height)).astype(int).T
+    return pixels[wrapped(row, height, wraps[1]), wrapped(column, width, wraps[0])]
+
+
+def texels_of(images: tuple[Image, ...], ref: TextureRef, uv: np.ndarray) -> np.ndarray:
+    """The stored texels (N, 4) uint8 that a material's texture has at texture coordinates (N, 2) of its set."""
+    return nearest_texels(images[ref.image].pixels, transformed_uv(uv, ref), (ref.wrap_u, ref.wrap_v))
+
+
+def linear_from_srgb(pixels: np.ndarray) -> np.ndarray:
+    """Linear float32 of sRGB-encoded bytes."""
+    levels = np.arange(256, dtype=np.float32) / 255
+    table = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return table[pixels]

@@ -1,0 +1,115 @@
+"""Light from surfaces that the image does not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssil_viewer.passes.unseen import UnseenLight
+from ssil_viewer.scene.model import Camera, Light, Material
+from tests import scenes
+from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, parallel_form_factor
+
+QUICK = {"start_level": 1, "levels": 3, "samples": 64, "shadow_resolution": 256, "temporal_frames": 64}
+
+
+def render_frames(renderer, camera, frames=8):
+    for _ in range(frames):
+        renderer.render(camera)
+
+
+def mean(renderer):
+    return renderer.read("indirect").mean(-1)
+
+
+def test_furnace(stage, make_renderer):
+    """In a box that glows all around every surface gets pi L, wherever the camera looks."""
+    room = scenes.box((0, 0, 0), (2, 2, 4), 1, inward=True)
+    camera = Camera(eye=(0.3, 0.2, 0.5), target=(0.5, 0, -2), vertical_fov=1.0)
+    lit, alone = (make_renderer(scenes.scene(room, (BLACK, GLOWING)), (160, 96), stage, **QUICK, radius=96.0,
+                                unseen_samples=samples) for samples in (16, 0))
+    render_frames(lit, camera)
+    render_frames(alone, camera)
+    assert mean(alone).mean() < 0.8 * np.pi * RADIANCE
+    assert mean(lit).mean() == pytest.approx(np.pi * RADIANCE, rel=0.03)
+
+
+def test_a_lamp_behind_the_camera(make_renderer):
+    """A square lamp that faces a wall, seen from between them: the form factor of parallel rectangles."""
+    wall = scenes.rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
+    lamp = scenes.rectangle((0.5, -0.5, 2), (-1, 0, 0), (0, 1, 0), 1)
+    camera = Camera(eye=(0, 0, 1.5), target=(0, 0, 0), vertical_fov=1.0)
+    renderer = make_renderer(scenes.scene((wall, lamp), (Material(specular=0.0), GLOWING)), (128, 128), **QUICK,
+                             unseen_samples=16)
+    render_frames(renderer, camera)
+    exact = np.pi * RADIANCE * 4 * parallel_form_factor(0.5, 0.5, 2.0)
+    assert mean(renderer)[60:68, 60:68].mean() == pytest.approx(exact, rel=0.03)
+
+
+def test_nothing_comes_through_what_stands_between(make_renderer):
+    """The same lamp behind a board, which the image does not show either."""
+    wall = scenes.rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
+    lamp = scenes.rectangle((0.5, -0.5, 2), (-1, 0, 0), (0, 1, 0), 1)
+    board = scenes.rectangle((1.5, -1.5, 1.8), (-3, 0, 0), (0, 3, 0))
+    camera = Camera(eye=(0, 0, 1.5), target=(0, 0, 0), vertical_fov=1.0)
+    renderer = make_renderer(scenes.scene((wall, lamp, board), (Material(specular=0.0), GLOWING)), (64, 64), **QUICK,
+                             unseen_samples=8)
+    render_frames(renderer, camera, 2)
+    # Past the board's edge something arrives far off the middle, as it should
+    assert mean(renderer)[24:40, 24:40].max() == 0
+
+
+def test_what_the_image_shows_does_not_count_twice(make_renderer):
+    """All that shines is in view: unseen light adds next to nothing, whatever the angle."""
+    wall = scenes.rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    floor = scenes.rectangle((-1, -1, 2), (2, 0, 0), (0, 0, -2), 1)
+    camera = Camera(eye=(0, 1.0, 4.0), target=(0, -0.3, 0), vertical_fov=1.0)
+    for step in np.linspace(0, 1, 3):
+        found = {}
+        moved = replace(camera, eye=(step, 1.0 - 1.8 * step, 4.0))
+        for samples in (0, 16):
+            renderer = make_renderer(scenes.scene((wall, floor), (Material(specular=0.0), GLOWING)), (160, 96), **QUICK,
+                                     radius=96.0, unseen_samples=samples)
+            render_frames(renderer, moved, 2)
+            found[samples] = mean(renderer).mean()
+        assert found[16] == pytest.approx(found[0], rel=0.02)
+
+
+@pytest.mark.parametrize("light", [
+    Light("point", intensity=5.0, position=(0.5, 0.5, 1.6)),
+    Light("rectangle", intensity=3.0, position=(0, 0.9, 1.5), direction=(0, 0, 1.0), width=0.5, height=0.5)])
+def test_lit_walls_behind_the_camera_send_their_light_on(make_renderer, light):
+    """The light falls on the back wall alone; what that sends on is the mean of many points of it."""
+    room = [*scenes.box((0, 0, 0), (2, 2, 4), 0, inward=True)]
+    camera = Camera(eye=(0, 0, 0.5), target=(0, 0, -2), vertical_fov=0.8)
+    black = make_renderer(scenes.scene(room, (Material(specular=0.0),), (light,)), (96, 96), **QUICK, unseen_samples=16)
+    render_frames(black, camera)
+    alone = make_renderer(scenes.scene(room, (Material(specular=0.0),), (light,)), (96, 96), **QUICK)
+    render_frames(alone, camera)
+    assert mean(black).mean() > 1.5 * mean(alone).mean()
+
+
+def test_off_it_costs_nothing_and_needs_nothing(make_renderer):
+    renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK)
+    renderer.render(scenes.CORNELL_CAMERA)
+    assert not [name for name in renderer.target_bytes() if name.startswith("unseen")]
+    assert UnseenLight.name not in {timed.name for timed in renderer.timings.passes}
+
+
+def test_it_can_be_switched_while_it_runs_and_survives_a_change_of_scene(make_renderer):
+    renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK)
+    for samples, scene in ((4, None), (0, None), (4, None), (4, scenes.cornell())):
+        if scene is not None:
+            renderer.set_scene(scene)
+        renderer.set_settings(replace(renderer.settings, unseen_samples=samples))
+        renderer.render(scenes.CORNELL_CAMERA)
+        assert np.isfinite(mean(renderer)).all()
+        assert ("unseen" in renderer.buffers()) == (samples > 0)
+
+
+def test_a_scene_without_triangles(make_renderer):
+    renderer = make_renderer(scenes.scene((), ()), (16, 16), **QUICK, unseen_samples=4)
+    renderer.render(scenes.CORNELL_CAMERA)
+    assert not mean(renderer).any()
