@@ -91,3 +91,46 @@ bool triangles_block(sampler2D nodes, sampler2D triangles,
     }
     return false;
 }
+
+// The first triangle that a ray meets: where, as a share of `along`, its number, and its normal times an area. Number -1: none.
+struct Met {
+    float at;
+    int triangle;
+    vec3 normal;        // counter-clockwise front
+};
+
+Met nearest_triangle(sampler2D nodes, sampler2D triangles,
+#ifdef MASKED
+                     sampler2D corners, sampler2D masks, sampler2D alphas,
+#endif
+                     int node_count, vec3 from, vec3 along) {
+    vec3 held = mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20)));
+    vec3 inverse = 1.0 / held;
+    Met nearest = Met(1.0, -1, vec3(0.0));
+    int node = 0;
+    while (node < node_count) {
+        vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
+        vec3 one = (low.xyz - from) * inverse, other = (high.xyz - from) * inverse;
+        vec3 nearer = min(one, other), farther = max(one, other);
+        float enter = max(max(nearer.x, nearer.y), max(nearer.z, 0.0));
+        float leave = min(min(farther.x, farther.y), min(farther.z, nearest.at));
+        if (enter > leave) {
+            node = int(low.w);
+            continue;
+        }
+        node += 1;
+        if (high.w < 0.0) continue;
+        for (int triangle = int(high.w); ; ++triangle) {
+            vec4 corner = fetch_row_major(triangles, triangle * 3);
+            vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
+            vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
+            bool hit = met.z >= 0.0 && met.x < nearest.at;
+#ifdef MASKED
+            hit = hit && (corner.w < 0.0 || !is_hole(corners, masks, alphas, int(corner.w), met.y, met.z));
+#endif
+            if (hit) nearest = Met(met.x, triangle, cross(edge_u.xyz, edge_v.xyz));
+            if (edge_u.w > 0.0) break;      // the last one of its leaf
+        }
+    }
+    return nearest;
+}

@@ -12,7 +12,7 @@ void descend(vec4 sums, inout ivec2 at, inout float left) {
 
 void shade(ivec2 px) {
     out_unseen_position = out_unseen_power = vec4(0.0);
-    vec4 top = load_sums_8(ivec2(0));
+    vec4 top = load_sums_9(ivec2(0));
     float total = dot(top, vec4(1.0)), count = float(side * side);
     if (total <= 0.0) return;
     int index = px.x + px.y * side;
@@ -20,6 +20,7 @@ void shade(ivec2 px) {
     float left = (float(index) + jitter) / count * total;
     ivec2 at = ivec2(0);
     descend(top, at, left);
+    descend(load_sums_8(at), at, left);
     descend(load_sums_7(at), at, left);
     descend(load_sums_6(at), at, left);
     descend(load_sums_5(at), at, left);

@@ -1,88 +1,123 @@
-// Light from the unseen senders: each ray goes to one of several candidates, in proportion to what they would bring.
+// Light from what the image does not show. Far from the receiver: rays to drawn senders, each to one of several candidates,
+// in proportion to what they would bring. Closer than `near`, where senders are too far apart: rays of random directions,
+// and the light of what they meet.
 //   side: texels per side of the senders.
-#include "lib/hash.glsl"
 #include "lib/lobe.glsl"
-#include "lib/triangle_tree.glsl"
+#include "lib/unseen.glsl"
 
-const float PI = 3.141592653589793;
 const float LIFT_ = 3e-4;       // scene/triangles.py
+
+struct Incoming {
+    vec3 irradiance, back_irradiance, directions;
+    float weights;
+};
+
+// light: without the cosine at the receiver, which is negative for what arrives at its back.
+void receive(vec3 direction, float cosine, vec3 light, inout Incoming sum) {
+    sum.irradiance += light * max(cosine, 0.0);
+    sum.back_irradiance += light * max(-cosine, 0.0);
+    float weight = cosine > 0.0 ? lobe_weight(light) : 0.0;
+    sum.directions += direction * weight;
+    sum.weights += weight;
+}
 
 struct Candidate {
     vec3 position;
     vec3 normal;
     vec3 direction;     // from the receiver
-    float cosine;       // at the receiver, negative for what arrives at its back
     vec3 light;         // power times form factor, without the receiver's cosine
 };
 
 Candidate look_at_sender(ivec2 at, vec3 position) {
     vec4 place = load_position(at), power = load_power(at);
-    Candidate c;
-    c.position = place.xyz;
     vec3 offset = place.xyz - position;
-    float squared = max(dot(offset, offset), 1e-20);
-    c.direction = offset * inversesqrt(squared);
-    c.normal = decode_direction16(power.w);
-    float sender_cos = max(-dot(c.normal, c.direction), 0.0);
-    // Point to disc, as in the gather: finite at contact
-    c.light = power.rgb * (sender_cos / (squared + sender_cos * place.w / PI));
-    c.cosine = 0.0;
-    return c;
-}
-
-bool blocked(vec3 from, vec3 to) {
-    vec3 a = (frame.world_from_view * vec4(from, 1.0)).xyz, b = (frame.world_from_view * vec4(to, 1.0)).xyz;
-    return triangles_block(texture_nodes, texture_triangles,
-#ifdef MASKED
-                           texture_corners, texture_masks, texture_alphas,
-#endif
-                           node_count, a, b);
+    float squared = dot(offset, offset);
+    vec3 direction = offset * inversesqrt(max(squared, 1e-20)), normal = decode_direction16(power.w);
+    float factor = squared < near * near ? 0.0 : max(-dot(normal, direction), 0.0) / squared;
+    return Candidate(place.xyz, normal, direction, power.rgb * factor);
 }
 
 // What a back gets counts for less: few pixels ask for it.
 const float BACK = 0.25;
+
+float importance(Candidate c, vec3 normal) {
+    float cosine = dot(normal, c.direction);
+    return dot(c.light, vec3(1.0 / 3.0)) * max(cosine, -BACK * cosine);
+}
+
+vec3 to_world(vec3 position) { return (frame.world_from_view * vec4(position, 1.0)).xyz; }
+
+void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint random, inout Incoming sum) {
+    Candidate chosen;
+    float total = 0.0, chosen_weight = 0.0;
+    int count = side * side;
+    for (int i = 0; i < candidates; ++i) {
+        random = hash(random);
+        // One of each part of the senders, whose neighbours lie close together
+        float at = (float(i) + unit_float(random)) / float(candidates);
+        int index = min(int(at * float(count)), count - 1);
+        Candidate c = look_at_sender(ivec2(index % side, index / side), position);
+        float weight = importance(c, normal);
+        total += weight;
+        random = hash(random);
+        if (weight > 0.0 && unit_float(random) * total < weight) {
+            chosen = c;
+            chosen_weight = weight;
+        }
+    }
+    if (chosen_weight <= 0.0) return;
+    float cosine = dot(normal, chosen.direction);
+    vec3 from = to_world(position + normal * (sign(cosine) * lift)), to = to_world(chosen.position + chosen.normal * lift);
+    if (triangles_block(texture_nodes, texture_triangles,
+#ifdef MASKED
+                        texture_corners, texture_masks, texture_alphas,
+#endif
+                        node_count, from, to)) return;
+    // Each candidate stands for count / candidates senders
+    receive(chosen.direction, cosine, chosen.light * (total / chosen_weight * float(count) / float(candidates) * share), sum);
+}
+
+void gather_near(vec3 position, vec3 normal, float lift, float share, inout uint random, inout Incoming sum) {
+    random = hash(random);
+    float u = unit_float(random);
+    random = hash(random);
+    vec3 direction = cosine_direction(normal, u, unit_float(random));
+    vec3 along = mat3(frame.world_from_view) * direction * near;
+    vec3 from = to_world(position + normal * lift);
+    Met met = nearest_triangle(texture_nodes, texture_triangles,
+#ifdef MASKED
+                               texture_corners, texture_masks, texture_alphas,
+#endif
+                               node_count, from, along);
+    if (met.triangle < 0) return;
+    vec4 colors = fetch_row_major(texture_triangle_colors, met.triangle);
+    vec3 n = normalize(met.normal);
+    bool back = dot(n, along) > 0.0;
+    if (back && colors.w < 0.0) return;
+    if (back) n = -n;
+    vec3 place = from + along * met.at;
+    if (is_seen((frame.view_from_world * vec4(place, 1.0)).xyz, mat3(frame.view_from_world) * n)) return;
+    int code = int(abs(colors.w)) - 1;
+    vec3 albedo = vec3(code & 255, (code >> 8) & 255, code >> 16) * (1.0 / 255.0);
+    vec3 radiance = sent_radiance(random, place, n, albedo * albedo, colors.rgb);
+    // Density: cosine over pi
+    float cosine = max(dot(normal, direction), 1e-4);
+    receive(direction, cosine, radiance * (PI / cosine * share), sum);
+}
 
 void shade(ivec2 px) {
     out_unseen = Lobe(vec3(0.0), vec3(0.0), 0.0);
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    vec3 position = position_from_ray(ray, surface.view_depth);
+    // As in the references, off its surface towards the camera
+    vec3 position = position_from_ray(ray, surface.view_depth) * (1.0 - LIFT_);
+    float lift = LIFT_ * surface.view_depth, share = 1.0 / float(rays);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 17u));
-    vec3 irradiance = vec3(0.0), back = vec3(0.0), directions = vec3(0.0);
-    float weights = 0.0;
-    int count = side * side;
+    Incoming sum = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     for (int r = 0; r < rays; ++r) {
-        Candidate chosen;
-        chosen.light = vec3(0.0);
-        float total = 0.0, chosen_weight = 0.0;
-        for (int i = 0; i < candidates; ++i) {
-            random = hash(random);
-            // One of each part of the senders, whose neighbours lie close together
-            float at = (float(i) + unit_float(random)) / float(candidates);
-            int index = min(int(at * float(count)), count - 1);
-            Candidate c = look_at_sender(ivec2(index % side, index / side), position);
-            c.cosine = dot(surface.normal, c.direction);
-            float weight = dot(c.light, vec3(1.0 / 3.0)) * max(c.cosine, -BACK * c.cosine);
-            total += weight;
-            random = hash(random);
-            if (weight > 0.0 && unit_float(random) * total < weight) {
-                chosen = c;
-                chosen_weight = weight;
-            }
-        }
-        if (chosen_weight <= 0.0) continue;
-        // Off both surfaces: the receiver's, as in the references, towards the camera
-        vec3 from = position * (1.0 - LIFT_) + surface.normal * (sign(chosen.cosine) * LIFT_ * surface.view_depth);
-        vec3 to = chosen.position + chosen.normal * (LIFT_ * surface.view_depth);
-        if (blocked(from, to)) continue;
-        // Each candidate stands for count / candidates senders
-        vec3 light = chosen.light * (total / chosen_weight * float(count) / float(candidates * rays));
-        irradiance += light * max(chosen.cosine, 0.0);
-        back += light * max(-chosen.cosine, 0.0);
-        float weight = chosen.cosine > 0.0 ? lobe_weight(light) : 0.0;
-        directions += chosen.direction * weight;
-        weights += weight;
+        gather_far(position, surface.normal, lift, share, random, sum);
+        gather_near(position, surface.normal, lift, share, random, sum);
     }
-    out_unseen = make_lobe(irradiance, back, directions, weights, surface.normal);
+    out_unseen = make_lobe(sum.irradiance, sum.back_irradiance, sum.directions, sum.weights, surface.normal);
 }

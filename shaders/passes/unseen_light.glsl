@@ -1,69 +1,5 @@
 // Direct light on one surfel of the scene, as long as the image does not show it. ENVIRONMENT: there is one.
-#include "lib/lights.glsl"
-#ifdef ENVIRONMENT
-#include "lib/environment.glsl"
-#include "lib/hash.glsl"
-#include "lib/hemisphere.glsl"
-#include "lib/triangle_tree.glsl"
-#endif
-
-const float PI = 3.141592653589793;
-
-vec3 direct_irradiance(vec3 position, vec3 n) {
-    vec3 irradiance = vec3(0.0);
-    for (int i = 0; i < punctual_lights; ++i) {
-        Light light = fetch_light(texture_lights, i);
-        vec3 wi;
-        vec3 incoming = light_irradiance(light, position, wi);
-        float n_dot_l = dot(n, wi);
-        if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0)
-            irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, wi));
-    }
-#ifdef AREA_LIGHTS
-    for (int i = punctual_lights; i < frame.light_count; ++i) {
-        AreaLight light = fetch_area_light(texture_lights, i);
-        float gathered = area_irradiance(light, position, n);
-        if (gathered > 0.0)
-            irradiance += light.radiance
-                        * (gathered * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n));
-    }
-#endif
-    return irradiance;
-}
-
-#ifdef ENVIRONMENT
-// The environment's irradiance if one ray, drawn by the cosine, gets out. In the mean it is the share that gets out,
-// whatever the environment's light does in the directions that are blocked.
-vec3 environment_light(ivec2 px, vec3 position, vec3 n) {
-    uint random = hash(uint(px.x + (px.y << 12)) ^ hash(uint(random_seed)));
-    vec3 away = cosine_direction(n, unit_float(random), unit_float(hash(random)));
-    float reach = 2.0 * (length(position) + frame.far);
-    if (triangles_block(texture_nodes, texture_triangles,
-#ifdef MASKED
-                        texture_corners, texture_masks, texture_alphas,
-#endif
-                        node_count, position + (n + away) * (1e-5 * frame.far), position + away * reach)) return vec3(0.0);
-    vec3 normal = environment_direction(n, frame.environment_turn);
-    return environment_irradiance(texture_environment_irradiance, normal) * frame.environment_strength;
-}
-#endif
-
-// Whether the image shows a surfel, so that the gather has its light already.
-bool is_seen(vec3 position, vec3 n) {
-    float depth = -position.z;
-    vec3 to_camera = -position;
-    float facing = dot(n, to_camera);
-    if (depth < frame.near || facing <= 0.0) return false;
-    vec2 pixel = (position.xy / depth - frame.ray_origin) / frame.ray_scale;
-    ivec2 at = ivec2(floor(pixel));
-    if (any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(at, size_surface()))) return false;
-    float shown = load_surface(at).view_depth;
-    // By so much does the depth of a plane differ within a pixel and its neighbours; held at grazing angles
-    float cosine = facing * inversesqrt(dot(to_camera, to_camera));
-    float slope = min(sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 1e-3), 100.0);
-    float tolerance = depth * (1e-3 + 1.5 * max(frame.ray_scale.x, frame.ray_scale.y) * slope);
-    return shown > 0.0 && depth < shown + tolerance;
-}
+#include "lib/unseen.glsl"
 
 void shade(ivec2 px) {
     out_unseen_radiance = vec4(0.0);
@@ -72,12 +8,8 @@ void shade(ivec2 px) {
     vec3 position = place.xyz, n = texelFetch(texture_surfel_normal, px, 0).xyz;
     vec3 position_vs = (frame.view_from_world * vec4(position, 1.0)).xyz;
     if (is_seen(position_vs, mat3(frame.view_from_world) * n)) return;
-    vec3 irradiance = direct_irradiance(position, n);
-#ifdef ENVIRONMENT
-    irradiance += environment_light(px, position, n);
-#endif
-    vec3 radiance = texelFetch(texture_surfel_emission, px, 0).rgb
-                  + texelFetch(texture_surfel_albedo, px, 0).rgb * irradiance * (1.0 / PI);
-    radiance = finite_half(radiance);
+    uint random = hash(uint(px.x + (px.y << 12)) ^ hash(uint(random_seed)));
+    vec3 radiance = sent_radiance(random, position, n, texelFetch(texture_surfel_albedo, px, 0).rgb,
+                                  texelFetch(texture_surfel_emission, px, 0).rgb);
     out_unseen_radiance = vec4(radiance, dot(radiance, vec3(1.0 / 3.0)) * place.w);
 }

@@ -67,7 +67,7 @@ Extent = Literal["image", "pyramid", "coarse", "gather", "start", "unseen", "red
 
 REDUCTION_STEP = 8      # texels per side that one texel of a reduction's next level sums up
 REDUCTION_LEVELS = 5    # so that level 0 is one texel for images of up to 8^5 pixels a side
-SURFEL_BITS = 8
+SURFEL_BITS = 9
 SURFEL_SIDE = 2**SURFEL_BITS        # texels per side of the surfels of unseen light
 DRAWN_SIDE = 128                    # and of those that are drawn from them for a frame
 

@@ -14,6 +14,7 @@ import numpy as np
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.memory import allocating
 from ssil_viewer.scene.model import Scene
+from ssil_viewer.scene.surfels import TriangleColors
 from ssil_viewer.scene.triangle_tree import TriangleTree, build_tree
 from ssil_viewer.scene.triangles import Mask, SceneTriangles
 
@@ -39,11 +40,12 @@ class TriangleTables:
     name: str
 
     @staticmethod
-    def of(scene: Scene, origin: np.ndarray) -> TriangleTables:
+    def of(scene: Scene, origin: np.ndarray, colors: TriangleColors | None = None) -> TriangleTables:
         """The tables of a scene.
 
         Args:
             origin: (3,) the world position that shaders take for zero.
+            colors: Also a table `triangle_colors` of these.
 
         Raises:
             UserError: The triangles are too many.
@@ -59,6 +61,8 @@ class TriangleTables:
         texels = {"nodes": _node_texels(tree), "triangles": _triangle_texels(every, tree, len(triangles.solid))}
         if len(triangles.masked):
             texels |= _mask_tables(triangles)
+        if colors is not None:
+            texels["triangle_colors"] = _color_texels(colors, tree)
         return TriangleTables(texels, len(tree.low), len(triangles.masked) > 0, scene.name)
 
 
@@ -120,6 +124,16 @@ def _triangle_texels(triangles: np.ndarray, tree: TriangleTree, solid: int) -> n
     texels[:, 1, :3], texels[:, 1, 3] = edges[:, 0], tree.last
     texels[:, 2, :3] = edges[:, 1]
     return texels.reshape(-1, 4)
+
+
+def _color_texels(colors: TriangleColors, tree: TriangleTree) -> np.ndarray:
+    """A texel a triangle, in the tree's order: emission; the square roots of its albedo in 3x8 bits as a whole number, plus
+    1, negative where only its front sends."""
+    root = np.rint(np.sqrt(np.clip(colors.albedo, 0, 1)) * 255)
+    code = root @ np.array([1, 256, 65536]) + 1
+    texels = np.zeros((len(code), 4), np.float32)
+    texels[:, :3], texels[:, 3] = colors.emission, np.where(colors.double_sided, code, -code)
+    return texels[tree.order]
 
 
 def _mask_tables(triangles: SceneTriangles) -> dict[str, np.ndarray]:

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 UNSEEN = frozenset({"unseen"})
 _CANDIDATES = 16        # of each ray: measured, see docs/method/unseen.md
-_TRIANGLES = {name: "sampler2D" for name in ("nodes", "triangles", "corners", "masks", "alphas")}
+# Of shaders/lib/unseen.glsl
+_LIGHT = {**dict.fromkeys(("nodes", "triangles", "corners", "masks", "alphas", "lights", "shadow_tiles",
+                           "environment_irradiance"), "sampler2D"), "shadow_atlas": "sampler2DShadow"}
+_LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
 
 
 def gathers_unseen(settings: Settings) -> bool:
@@ -27,8 +30,18 @@ def _random_seed(frame: SceneFrame) -> int:
     return (settings.seed * 7919 + (frame.runner.frame_index if settings.temporal else 0)) % 2**31
 
 
-def _holes(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
-    return (("MASKED", ""),) if frame.unseen.masked else ()
+def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
+    defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
+    if frame.has_feature("environment"):
+        defines.append(("ENVIRONMENT", ""))
+    if frame.unseen.masked:
+        defines.append(("MASKED", ""))
+    return tuple(defines)
+
+
+def _light_uniforms(frame: SceneFrame) -> dict[str, object]:
+    return {"punctual_lights": frame.lights.punctual_count, "node_count": frame.unseen.node_count,
+            "random_seed": _random_seed(frame)}
 
 
 class _UnseenPass(ScreenPass):
@@ -46,20 +59,15 @@ class UnseenLight(_UnseenPass):
 
     name = "unseen_light"
     shader = "passes/unseen_light.glsl"
-    reads = {"surface": Read.of("surface", offset=None)}
+    reads = {"image_surface": Read.of("surface", offset=None)}
     tables = {"surfel_position": "sampler2D", "surfel_normal": "sampler2D", "surfel_albedo": "sampler2D",
-              "surfel_emission": "sampler2D", "lights": "sampler2D", "shadow_tiles": "sampler2D",
-              "shadow_atlas": "sampler2DShadow", "environment_irradiance": "sampler2D", **_TRIANGLES}
+              "surfel_emission": "sampler2D", **_LIGHT}
     writes = {"unseen_radiance": Target("rgba32f", "diffuse exitant radiance of each surfel, W m^-2 sr^-1, 0 where the "
                                         "image shows it; alpha: radiance times area", "surfels", exists=gathers_unseen)}
-    uniforms = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
+    uniforms = _LIGHT_UNIFORMS
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
-        defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
-        if frame.has_feature("environment"):
-            defines += [("ENVIRONMENT", ""), *_holes(frame)]
-        yield Dispatch(0, {"punctual_lights": frame.lights.punctual_count, "node_count": frame.unseen.node_count,
-                           "random_seed": _random_seed(frame)}, tuple(defines))
+        yield Dispatch(0, _light_uniforms(frame), _light_defines(frame))
 
 
 class UnseenSums(_UnseenPass):
@@ -101,23 +109,24 @@ class UnseenDraw(_UnseenPass):
 class UnseenGather(_UnseenPass):
     """Irradiance from unseen senders at the level after the starting one, by rays against the scene's triangles.
 
-    Each ray goes to one of several candidates, chosen in proportion to what it would bring if nothing were in the way.
+    Each ray to a sender goes to one of several candidates, chosen in proportion to what it would bring if nothing were in
+    the way. What is closer than senders are to one another is met by a second ray, of random direction.
 
     Source: Talbot et al. 2005, "Importance resampling for global illumination".
     """
 
     name = "unseen_gather"
     shader = "passes/unseen_gather.glsl"
-    reads = {"surface": Read.of("surface"), "position": Read.of("unseen_position", offset=None),
-             "power": Read.of("unseen_power", offset=None)}
-    tables = _TRIANGLES
+    reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
+             "position": Read.of("unseen_position", offset=None), "power": Read.of("unseen_power", offset=None)}
+    tables = {**_LIGHT, "triangle_colors": "sampler2D"}
     writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
                                "unseen", exists=gathers_unseen)}
-    uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "node_count": "int",
-                "random_seed": "int"}
+    uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "near": "float",
+                **_LIGHT_UNIFORMS}
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
         level = frame.settings.unseen_level
         yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
-                               "candidates": _CANDIDATES, "node_count": frame.unseen.node_count,
-                               "random_seed": _random_seed(frame)}, _holes(frame))
+                               "candidates": _CANDIDATES, "near": frame.unseen.near, **_light_uniforms(frame)},
+                       _light_defines(frame))

@@ -12,6 +12,7 @@ from ssil_viewer.scene.triangles import Mask
 
 # Surfaces that shine get a share of their own, since small ones would otherwise get none
 _SHINING_SHARE = 0.25
+_COLOR_POINTS = 8     # of each triangle
 # Steps of the two-dimensional low-discrepancy sequence of the plastic number (Roberts 2018)
 _PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -93,13 +94,23 @@ def _spread(scene: Scene, parts: list[_Part], count: int) -> list[Surfels]:
 
 def _surfels(scene: Scene, part: _Part, triangle: np.ndarray, place: np.ndarray, area: float) -> Surfels:
     primitive, material = part.primitive, part.material
-    # From the square to the triangle (Turk 1990)
-    root = np.sqrt(place[:, 0])
-    weights = np.stack([1 - root, root * (1 - place[:, 1]), root * place[:, 1]], 1)
+    weights = _weights(place)
     normal = part.normal_area[triangle]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     if material.double_sided:
         normal[1::2] *= -1
+    albedo, emission = _sent(scene, primitive, material, triangle, weights)
+    there = np.ones((len(triangle), 1), np.float32)
+    if material.alpha_mode != "opaque":
+        there[Mask(primitive, material, scene.images).is_hole(triangle, weights)] = 0
+    return Surfels(*(np.float32(values) for values in (
+        np.einsum("nk,nkc->nc", weights, part.corners[triangle]), normal, albedo * there, emission * there,
+        np.full(len(triangle), area))))
+
+
+def _sent(scene: Scene, primitive: Primitive, material: Material, triangle: np.ndarray, weights: np.ndarray
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Diffuse reflectance and emission, (N, 3) each, at barycentric weights (N, 3) of triangles (N,)."""
     uv = np.einsum("nk,nkst->nst", weights, primitive.texcoords[primitive.indices[triangle]])
     base = np.broadcast_to(np.float32(material.base_color[:3]), (len(triangle), 3))
     if primitive.colors is not None:
@@ -112,12 +123,57 @@ def _surfels(scene: Scene, part: _Part, triangle: np.ndarray, place: np.ndarray,
     emission = np.broadcast_to(np.float32(material.emission), (len(triangle), 3))
     if (ref := material.emission_texture) is not None:
         emission = emission * linear_from_srgb(texels_of(scene.images, ref, uv[:, ref.texcoord])[:, :3])
-    there = np.ones((len(triangle), 1), np.float32)
+    return np.clip(base, 0, 1) * (1 - metallic), emission
+
+
+@dataclass(frozen=True)
+class TriangleColors:
+    """What triangles send on, as means over each; in the order of `SceneTriangles`, solid ones first.
+
+    Attributes:
+        albedo, emission: (T, 3) float32, as of `Surfels`; holes are left out of the mean where there is more than holes.
+        double_sided: (T,) bool.
+    """
+
+    albedo: np.ndarray
+    emission: np.ndarray
+    double_sided: np.ndarray
+
+
+def triangle_colors(scene: Scene) -> TriangleColors:
+    """The colours of all triangles of all instances."""
+    known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+    parts: dict[bool, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {True: [], False: []}
+    for instance in scene.instances:
+        for at, primitive in enumerate(scene.meshes[instance.mesh].primitives):
+            material = scene.materials[primitive.material]
+            key = (instance.mesh, at)
+            if key not in known:
+                known[key] = _mean_colors(scene, primitive, material)
+            parts[material.alpha_mode == "opaque"].append(
+                (*known[key], np.full(len(primitive.indices), material.double_sided)))
+    every = [*parts[True], *parts[False]]
+    none = np.zeros((0, 3), np.float32)
+    return TriangleColors(np.concatenate([none, *(p[0] for p in every)]), np.concatenate([none, *(p[1] for p in every)]),
+                          np.concatenate([np.zeros(0, bool), *(p[2] for p in every)]))
+
+
+def _mean_colors(scene: Scene, primitive: Primitive, material: Material) -> tuple[np.ndarray, np.ndarray]:
+    count = len(primitive.indices)
+    triangle = np.repeat(np.arange(count), _COLOR_POINTS)
+    weights = _weights(np.arange(1, len(triangle) + 1)[:, None] * _PLASTIC % 1.0)
+    albedo, emission = _sent(scene, primitive, material, triangle, weights)
+    there = np.ones(len(triangle))
     if material.alpha_mode != "opaque":
-        there[Mask(primitive, material, scene.images).is_hole(triangle, weights)] = 0
-    return Surfels(*(np.float32(values) for values in (
-        np.einsum("nk,nkc->nc", weights, part.corners[triangle]), normal,
-        np.clip(base, 0, 1) * (1 - metallic) * there, emission * there, np.full(len(triangle), area))))
+        there = 1e-6 + ~Mask(primitive, material, scene.images).is_hole(triangle, weights)
+    share = (there / there.reshape(count, -1).sum(1).repeat(_COLOR_POINTS))[:, None]
+    return tuple(np.float32((values * share).reshape(count, -1, 3).sum(1)) for values in (albedo, emission))
+
+
+def _weights(place: np.ndarray) -> np.ndarray:
+    """(N, 3) barycentric weights of points (N, 2) of the unit square (Turk 1990)."""
+    root = np.sqrt(place[:, 0])
+    return np.stack([1 - root, root * (1 - place[:, 1]), root * place[:, 1]], 1)
 
 
 def _morton(position: np.ndarray) -> np.ndarray:

@@ -27,19 +27,23 @@ class Mask:
         pixels: (h, w) uint8, alpha of the texture, or None.
         uv: (T, 3, 2) float64, texture coordinates at the corners, transformed; None without a texture.
         wraps: How the texture goes on in u and in v: "repeat", "clamp" or "mirror".
+
+    Args:
+        turn: -1 takes each triangle's corners in the opposite order.
     """
 
-    def __init__(self, primitive: Primitive, material: Material, images: tuple[Image, ...]) -> None:
+    def __init__(self, primitive: Primitive, material: Material, images: tuple[Image, ...], turn: int = 1) -> None:
+        indices = primitive.indices[:, ::turn]
         self.cutoff = material.alpha_cutoff
         colors = primitive.colors
         alpha = np.ones(len(primitive.positions)) if colors is None else colors[:, 3].astype(np.float64)
-        self.alpha = material.base_color[3] * alpha[primitive.indices]
+        self.alpha = material.base_color[3] * alpha[indices]
         self.pixels: np.ndarray | None = None
         self.uv: np.ndarray | None = None
         self.wraps = ("repeat", "repeat")
         if (ref := material.base_color_texture) is not None:
             self.pixels = images[ref.image].pixels[..., 3]
-            self.uv = transformed_uv(primitive.texcoords[:, ref.texcoord], ref)[primitive.indices]
+            self.uv = transformed_uv(primitive.texcoords[:, ref.texcoord], ref)[indices]
             self.wraps = (ref.wrap_u, ref.wrap_v)
 
     def is_hole(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -53,7 +57,7 @@ class Mask:
 
 @dataclass(frozen=True)
 class SceneTriangles:
-    """All triangles of all instances. They block from both sides.
+    """All triangles of all instances. They block from both sides; fronts are counter-clockwise.
 
     Attributes:
         solid: (N, 3, 3) float32 corners.
@@ -76,15 +80,16 @@ class SceneTriangles:
         masks: list[Mask] = []
         for instance in scene.instances:
             transform = space_from_world @ instance.world_from_object
+            turn = -1 if np.linalg.det(transform[:3, :3]) < 0 else 1    # mirrored front faces stay front faces
             for primitive in scene.meshes[instance.mesh].primitives:
                 points = primitive.positions @ transform[:3, :3].T + transform[:3, 3]
-                triangles = points[primitive.indices].astype(np.float32)
+                triangles = points[primitive.indices[:, ::turn]].astype(np.float32)
                 material = scene.materials[primitive.material]
                 if material.alpha_mode == "opaque":
                     solid.append(triangles)
                 else:
                     masked.append(triangles)
-                    masks.append(Mask(primitive, material, scene.images))
+                    masks.append(Mask(primitive, material, scene.images, turn))
         none = np.zeros((0, 3, 3), np.float32)
         return SceneTriangles(np.concatenate([none, *solid]), np.concatenate([none, *masked]), tuple(masks),
                               np.cumsum([0, *(len(triangles) for triangles in masked)]))

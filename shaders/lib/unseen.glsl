@@ -1,0 +1,77 @@
+// Light of surfaces that the image may not show, at points of world space. Needs the tables of lights and of triangles, and the
+// uniforms `punctual_lights`, `node_count` and `random_seed`. ENVIRONMENT: there is one.
+#include "lib/lights.glsl"
+#include "lib/hash.glsl"
+#include "lib/hemisphere.glsl"
+#include "lib/triangle_tree.glsl"
+#ifdef ENVIRONMENT
+#include "lib/environment.glsl"
+#endif
+
+const float PI = 3.141592653589793;
+
+vec3 direct_irradiance(vec3 position, vec3 n) {
+    vec3 irradiance = vec3(0.0);
+    for (int i = 0; i < punctual_lights; ++i) {
+        Light light = fetch_light(texture_lights, i);
+        vec3 wi;
+        vec3 incoming = light_irradiance(light, position, wi);
+        float n_dot_l = dot(n, wi);
+        if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0)
+            irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, wi));
+    }
+#ifdef AREA_LIGHTS
+    for (int i = punctual_lights; i < frame.light_count; ++i) {
+        AreaLight light = fetch_area_light(texture_lights, i);
+        float gathered = area_irradiance(light, position, n);
+        if (gathered > 0.0)
+            irradiance += light.radiance
+                        * (gathered * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n));
+    }
+#endif
+    return irradiance;
+}
+
+#ifdef ENVIRONMENT
+// The environment's irradiance if one ray, drawn by the cosine, gets out. In the mean it is the share that gets out,
+// whatever the environment's light does in the directions that are blocked.
+vec3 environment_light(uint random, vec3 position, vec3 n) {
+    vec3 away = cosine_direction(n, unit_float(random), unit_float(hash(random)));
+    float reach = 2.0 * (length(position) + frame.far);
+    if (triangles_block(texture_nodes, texture_triangles,
+#ifdef MASKED
+                        texture_corners, texture_masks, texture_alphas,
+#endif
+                        node_count, position + (n + away) * (1e-5 * frame.far), position + away * reach)) return vec3(0.0);
+    vec3 normal = environment_direction(n, frame.environment_turn);
+    return environment_irradiance(texture_environment_irradiance, normal) * frame.environment_strength;
+}
+#endif
+
+// Radiance that a Lambertian surface sends on, from direct light, environment and emission.
+vec3 sent_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emission) {
+    vec3 irradiance = direct_irradiance(position, n);
+#ifdef ENVIRONMENT
+    irradiance += environment_light(random, position, n);
+#endif
+    return finite_half(emission + albedo * irradiance * (1.0 / PI));
+}
+
+// Whether the image shows a surface at a point of view space, so that the gather has its light already. Needs the read
+// `image_surface`.
+bool is_seen(vec3 position, vec3 n) {
+    float depth = -position.z;
+    vec3 to_camera = -position;
+    float facing = dot(n, to_camera);
+    if (depth < frame.near || facing <= 0.0) return false;
+    vec2 pixel = (position.xy / depth - frame.ray_origin) / frame.ray_scale;
+    ivec2 at = ivec2(floor(pixel));
+    if (any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(at, size_image_surface()))) return false;
+    float shown = load_image_surface(at).view_depth;
+    // By so much does the depth of a plane differ within a pixel and its neighbours; held at grazing angles
+    float cosine = facing * inversesqrt(dot(to_camera, to_camera));
+    float slope = min(sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 1e-3), 100.0);
+    float tolerance = depth * (1e-3 + 1.5 * max(frame.ray_scale.x, frame.ray_scale.y) * slope);
+    return shown > 0.0 && depth < shown + tolerance;
+}
+
