@@ -75,3 +75,25 @@ bool is_seen(vec3 position, vec3 n) {
     return shown > 0.0 && depth < shown + tolerance;
 }
 
+vec3 to_world(vec3 position) { return (frame.world_from_view * vec4(position, 1.0)).xyz; }
+
+// Radiance of what a ray meets first, where the image does not show it; black where it meets nothing. In view space. Needs the
+// table `triangle_colors`.
+vec3 unseen_radiance(vec3 from, vec3 along, uint random) {
+    vec3 start = to_world(from), way = mat3(frame.world_from_view) * along;
+    Met met = nearest_triangle(texture_nodes, texture_triangles,
+#ifdef MASKED
+                               texture_corners, texture_masks, texture_alphas,
+#endif
+                               node_count, start, way);
+    if (met.triangle < 0) return vec3(0.0);
+    vec4 colors = fetch_row_major(texture_triangle_colors, met.triangle);
+    vec3 n = normalize(met.normal);
+    bool back = dot(n, way) > 0.0;
+    if (back && colors.w < 0.0) return vec3(0.0);
+    if (back) n = -n;
+    if (is_seen(from + along * met.at, mat3(frame.view_from_world) * n)) return vec3(0.0);
+    int code = int(abs(colors.w)) - 1;
+    vec3 albedo = vec3(code & 255, (code >> 8) & 255, code >> 16) * (1.0 / 255.0);
+    return sent_radiance(random, start + way * met.at, n, albedo * albedo, colors.rgb);
+}

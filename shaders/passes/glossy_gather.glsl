@@ -1,40 +1,12 @@
 // Reflected radiance of one level, for a reflectance of 1: a disc at the starting level, a ring beyond.
 // IMPORTANCE: 1 samples lie in the wedge of the image that the lobe fills, 0 all around.
 // FORM_FACTOR, SPACING, VISIBILITY: see gather_common.glsl.
-#include "lib/phong.glsl"
 #include "lib/sampling.glsl"
 #include "passes/gather_common.glsl"
+#include "passes/glossy_receiver.glsl"
 
 const float TURN = 6.283185307179586;
 const float GOLDEN_TURN = 0.6180339887498949;
-
-struct Mirror {
-    vec3 direction;     // of the ideal reflection, view space
-    float exponent;
-    float n_dot_r;
-    float scale;        // 1 / phong_albedo
-};
-
-// Roughness of the surface that a texel kept: the mean over four of its pixels, as far as they lie on it. Negative where
-// nothing reflects.
-float roughness_of(ivec2 px, Surface surface, vec3 position) {
-    ivec2 last = textureSize(texture_image_surface, 0) - 1;
-    float sum = 0.0, total = 0.0;
-    for (int i = 0; i < 4; ++i) {
-        vec2 corner = vec2(px) + (vec2(i & 1, i >> 1) * 0.5 + 0.25);
-        ivec2 at = min(ivec2(corner * texel), last);
-        Surface fine = load_image_surface(at);
-        vec3 there = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin),
-                                       fine.view_depth);
-        float off_plane = abs(dot(surface.normal, there - position));
-        if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) continue;
-        vec4 specular = load_specular(at);
-        float weight = max(max(specular.r, specular.g), specular.b) * max(dot(fine.normal, surface.normal), 0.0);
-        sum += specular.a * weight;
-        total += weight;
-    }
-    return total > 1e-4 ? sum / total : -1.0;
-}
 
 // Part of the image in which samples lie, seen from the receiver.
 struct Wedge {
@@ -177,16 +149,16 @@ void shade(ivec2 px) {
     Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), normalize(surface.normal));
     float roughness = roughness_of(px, surface, receiver.position);
     if (roughness < 0.0) return;
-    vec3 view = normalize(receiver.position);
-    vec3 r = reflect(view, receiver.normal);
-    float exponent = phong_exponent(roughness), n_dot_r = dot(receiver.normal, r);
-    Mirror mirror = Mirror(r, exponent, n_dot_r, 1.0 / phong_albedo(exponent, n_dot_r));
+    Mirror mirror = mirror_of(roughness, receiver.position, receiver.normal);
     Wedge wedge = wedge_of(receiver, mirror);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
 #if VISIBILITY == 2
     vec3 radiance = gather_rows(receiver, mirror, wedge, jitter);
 #else
     vec3 radiance = gather_samples(receiver, mirror, wedge, jitter);
+#endif
+#ifdef HAS_UNSEEN
+    radiance += load_unseen(px);
 #endif
     out_glossy_gather = Reflection(radiance, roughness, 0.0);
 }

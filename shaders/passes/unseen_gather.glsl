@@ -45,8 +45,6 @@ float importance(Candidate c, vec3 normal) {
     return dot(c.light, vec3(1.0 / 3.0)) * max(cosine, -BACK * cosine);
 }
 
-vec3 to_world(vec3 position) { return (frame.world_from_view * vec4(position, 1.0)).xyz; }
-
 void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint random, inout Incoming sum) {
     Candidate chosen;
     float total = 0.0, chosen_weight = 0.0;
@@ -82,24 +80,7 @@ void gather_near(vec3 position, vec3 normal, float lift, float share, inout uint
     float u = unit_float(random);
     random = hash(random);
     vec3 direction = cosine_direction(normal, u, unit_float(random));
-    vec3 along = mat3(frame.world_from_view) * direction * near;
-    vec3 from = to_world(position + normal * lift);
-    Met met = nearest_triangle(texture_nodes, texture_triangles,
-#ifdef MASKED
-                               texture_corners, texture_masks, texture_alphas,
-#endif
-                               node_count, from, along);
-    if (met.triangle < 0) return;
-    vec4 colors = fetch_row_major(texture_triangle_colors, met.triangle);
-    vec3 n = normalize(met.normal);
-    bool back = dot(n, along) > 0.0;
-    if (back && colors.w < 0.0) return;
-    if (back) n = -n;
-    vec3 place = from + along * met.at;
-    if (is_seen((frame.view_from_world * vec4(place, 1.0)).xyz, mat3(frame.view_from_world) * n)) return;
-    int code = int(abs(colors.w)) - 1;
-    vec3 albedo = vec3(code & 255, (code >> 8) & 255, code >> 16) * (1.0 / 255.0);
-    vec3 radiance = sent_radiance(random, place, n, albedo * albedo, colors.rgb);
+    vec3 radiance = unseen_radiance(position + normal * lift, direction * near, random);
     // Density: cosine over pi
     float cosine = max(dot(normal, direction), 1e-4);
     receive(direction, cosine, radiance * (PI / cosine * share), sum);

@@ -53,6 +53,7 @@ class GlossyGather(ScreenPass):
     shader = "passes/glossy_gather.glsl"
     reads = {"surface": Read.of("surface"), "radiance": Read.of("radiance"),
              "image_surface": Read.of("surface", offset=None), "specular": Read.of("specular", offset=None),
+             "unseen": Read.of("unseen_reflection", optional=True),
              "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
              "depth_range": Read.of("depth_range", offset=None, optional=True)}
     writes = {"glossy_gather": Target("reflection", "radiance reflected from this level's disc or ring for a "
@@ -88,4 +89,5 @@ class GlossyGather(ScreenPass):
             fade_out = 0.0 if level == last else 1.0 / ((1.0 - _FADE) * radius)
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": 0.0 if level == first else
                                    0.5 * _FADE * radius, "fade": (fade_in, fade_out),
-                                   "samples": settings.glossy_samples, **rows}, chosen, frozenset(unread))
+                                   "samples": settings.glossy_samples, **rows}, chosen,
+                           frozenset(unread if frame.has_target("unseen_reflection", level) else unread | {"unseen"}))

@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
+from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.pipeline import SceneFrame
 
 UNSEEN = frozenset({"unseen"})
+_RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part
 _CANDIDATES = 16        # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
-_LIGHT = {**dict.fromkeys(("nodes", "triangles", "corners", "masks", "alphas", "lights", "shadow_tiles",
-                           "environment_irradiance"), "sampler2D"), "shadow_atlas": "sampler2DShadow"}
+_LIGHT = {**dict.fromkeys(("nodes", "triangles", "corners", "masks", "alphas", "triangle_colors", "lights",
+                           "shadow_tiles", "environment_irradiance"), "sampler2D"), "shadow_atlas": "sampler2DShadow"}
 _LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
 
 
@@ -119,7 +121,7 @@ class UnseenGather(_UnseenPass):
     shader = "passes/unseen_gather.glsl"
     reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
              "position": Read.of("unseen_position", offset=None), "power": Read.of("unseen_power", offset=None)}
-    tables = {**_LIGHT, "triangle_colors": "sampler2D"}
+    tables = _LIGHT
     writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
                                "unseen", exists=gathers_unseen)}
     uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "near": "float",
@@ -130,3 +132,28 @@ class UnseenGather(_UnseenPass):
         yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
                                "candidates": _CANDIDATES, "near": frame.unseen.near, **_light_uniforms(frame)},
                        _light_defines(frame))
+
+
+def _reflects_unseen(settings: Settings) -> bool:
+    return gathers_unseen(settings) and uses_glossy(settings)
+
+
+class UnseenReflect(_UnseenPass):
+    """What glossy surfaces reflect of unseen ones, by rays against the scene's triangles."""
+
+    name = "unseen_reflect"
+    shader = "passes/unseen_reflect.glsl"
+    reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
+             "specular": Read.of("specular", offset=None)}
+    tables = _LIGHT
+    writes = {"unseen_reflection": Target("rgb9e5", "radiance of surfaces that the image does not show, reflected with a "
+                                          "reflectance of 1, W m^-2 sr^-1", "unseen", exists=_reflects_unseen)}
+    uniforms = {"texel": "float", "rays": "int", **_LIGHT_UNIFORMS}
+
+    def enabled(self, settings: Settings) -> bool:
+        return _reflects_unseen(settings)
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        level = frame.settings.unseen_level
+        yield Dispatch(level, {"texel": float(2**level), "rays": -(-frame.settings.unseen_samples // _RAYS_TO_REFLECT),
+                               **_light_uniforms(frame)}, _light_defines(frame))

@@ -1,0 +1,37 @@
+// How a texel reflects. Included by the passes that gather reflections. Needs the reads `image_surface` and `specular`, both of
+// level 0, and the uniform `texel`.
+#include "lib/phong.glsl"
+
+struct Mirror {
+    vec3 direction;     // of the ideal reflection, view space
+    float exponent;
+    float n_dot_r;
+    float scale;        // 1 / phong_albedo
+};
+
+// Roughness of the surface that a texel kept: the mean over four of its pixels, as far as they lie on it. Negative where
+// nothing reflects.
+float roughness_of(ivec2 px, Surface surface, vec3 position) {
+    ivec2 last = textureSize(texture_image_surface, 0) - 1;
+    float sum = 0.0, total = 0.0;
+    for (int i = 0; i < 4; ++i) {
+        vec2 corner = vec2(px) + (vec2(i & 1, i >> 1) * 0.5 + 0.25);
+        ivec2 at = min(ivec2(corner * texel), last);
+        Surface fine = load_image_surface(at);
+        vec3 there = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin),
+                                       fine.view_depth);
+        float off_plane = abs(dot(surface.normal, there - position));
+        if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) continue;
+        vec4 specular = load_specular(at);
+        float weight = max(max(specular.r, specular.g), specular.b) * max(dot(fine.normal, surface.normal), 0.0);
+        sum += specular.a * weight;
+        total += weight;
+    }
+    return total > 1e-4 ? sum / total : -1.0;
+}
+
+Mirror mirror_of(float roughness, vec3 position, vec3 normal) {
+    vec3 r = reflect(normalize(position), normal);
+    float exponent = phong_exponent(roughness), n_dot_r = dot(normal, r);
+    return Mirror(r, exponent, n_dot_r, 1.0 / phong_albedo(exponent, n_dot_r));
+}
