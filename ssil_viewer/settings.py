@@ -155,7 +155,7 @@ class Settings:
         "Light of the last frame is sent on: all further bounces for the price of one, a frame apart. Needs bounces "
         "and the temporal filter; bounces beyond the first are not gathered then.", affects="resources")] = False
     unseen_samples: Annotated[int, Knob(
-        "Rays per texel of the second level for light from surfaces that the image does not show: outside of it, "
+        "Rays per texel of the starting level for light from surfaces that the image does not show: outside of it, "
         "behind the camera, behind other things. They are traced against the scene's triangles, which no "
         "screen-space method does; 0 switches them off. Cost grows in proportion.",
         0, 32, affects="resources", group="Unseen light")] = 0
@@ -221,11 +221,6 @@ class Settings:
     def last_level(self) -> int:
         """Coarsest level of the pyramid that the gather reads."""
         return self.start_level + self.levels - 1
-
-    @property
-    def unseen_level(self) -> int:
-        """Level whose texels gather the light of unseen surfaces."""
-        return min(self.start_level + 1, self.last_level)
 
     @property
     def feeds_back(self) -> bool:

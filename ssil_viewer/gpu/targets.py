@@ -62,7 +62,7 @@ FORMATS: dict[str, Format] = {
     "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
 }
 
-Extent = Literal["image", "pyramid", "coarse", "gather", "start", "unseen", "reduction", "surfels", "surfel_sums",
+Extent = Literal["image", "pyramid", "coarse", "gather", "start", "reduction", "surfels", "surfel_sums",
                  "drawn_senders"]
 
 REDUCTION_STEP = 8      # texels per side that one texel of a reduction's next level sums up
@@ -84,8 +84,8 @@ class Target:
         format: Key of `FORMATS`.
         meaning: What a texel holds, with unit and space, and what background holds.
         extent: Levels that exist. image: 0; pyramid: 0 to the last gathered one; coarse: 1 to the last;
-            gather: starting level to the last; start: the starting level; unseen: `Settings.unseen_level`. The others
-            are no part of the pyramid. reduction: level 0 is a single texel, each further one is eight times as wide
+            gather: starting level to the last; start: the starting level. The others are no part of the
+            pyramid. reduction: level 0 is a single texel, each further one is eight times as wide
             and high, and the last an eighth of the image. surfels: level 0, SURFEL_SIDE texels a side, whatever the
             image; surfel_sums: levels 1 to SURFEL_BITS, half as wide each; drawn_senders: level 0, DRAWN_SIDE a side.
         history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
@@ -110,7 +110,6 @@ class Target:
         return {"image": range(0, 1), "pyramid": range(0, last + 1), "coarse": range(1, last + 1),
                 "gather": range(settings.start_level, last + 1),
                 "start": range(settings.start_level, settings.start_level + 1),
-                "unseen": range(settings.unseen_level, settings.unseen_level + 1),
                 "surfels": range(0, 1), "surfel_sums": range(1, SURFEL_BITS + 1), "drawn_senders": range(0, 1),
                 "reduction": range(REDUCTION_LEVELS)}[self.extent]
 

@@ -127,8 +127,8 @@ def _triangle_texels(triangles: np.ndarray, tree: TriangleTree, solid: int) -> n
 
 
 def _color_texels(colors: TriangleColors, tree: TriangleTree) -> np.ndarray:
-    """A texel a triangle, in the tree's order: emission; the square roots of its albedo in 3x8 bits as a whole number, plus
-    1, negative where only its front sends."""
+    """A texel a triangle, in the tree's order: emission; the square roots of its albedo in 3x8 bits as a whole number,
+    plus 1, negative where only its front sends."""
     root = np.rint(np.sqrt(np.clip(colors.albedo, 0, 1)) * 255)
     code = root @ np.array([1, 256, 65536]) + 1
     texels = np.zeros((len(code), 4), np.float32)

@@ -10,7 +10,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "scene": ("shadows", "gbuffer"),
     "direct": ("sky", "sky_filter", "direct"),
     "voxelization": ("depth_range", "voxelize", "voxel_mipmap"),
-    "indirect": ("mipmap", "reflect", "mipmap_radiance", "gather", "glossy_gather"),
+    "indirect": ("mipmap", "unseen_light", "unseen_sums", "unseen_draw", "unseen_gather", "unseen_reflect", "reflect",
+                 "mipmap_radiance", "gather", "glossy_gather"),
     "upsampling_compositing": ("upsample", "add_bounces", "temporal", "glossy_upsample", "glossy_resolve",
                                "composite"),
 }

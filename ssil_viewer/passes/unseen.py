@@ -109,10 +109,10 @@ class UnseenDraw(_UnseenPass):
 
 
 class UnseenGather(_UnseenPass):
-    """Irradiance from unseen senders at the level after the starting one, by rays against the scene's triangles.
+    """Irradiance from unseen senders at the starting level, by rays against the scene's triangles.
 
-    Each ray to a sender goes to one of several candidates, chosen in proportion to what it would bring if nothing were in
-    the way. What is closer than senders are to one another is met by a second ray, of random direction.
+    Each ray to a sender goes to one of several candidates, chosen in proportion to what it would bring if nothing were
+    in the way. What is closer than senders are to one another is met by a second ray, of random direction.
 
     Source: Talbot et al. 2005, "Importance resampling for global illumination".
     """
@@ -123,12 +123,12 @@ class UnseenGather(_UnseenPass):
              "position": Read.of("unseen_position", offset=None), "power": Read.of("unseen_power", offset=None)}
     tables = _LIGHT
     writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
-                               "unseen", exists=gathers_unseen)}
+                               "start", exists=gathers_unseen)}
     uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "near": "float",
                 **_LIGHT_UNIFORMS}
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
-        level = frame.settings.unseen_level
+        level = frame.settings.start_level
         yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
                                "candidates": _CANDIDATES, "near": frame.unseen.near, **_light_uniforms(frame)},
                        _light_defines(frame))
@@ -146,14 +146,14 @@ class UnseenReflect(_UnseenPass):
     reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
              "specular": Read.of("specular", offset=None)}
     tables = _LIGHT
-    writes = {"unseen_reflection": Target("rgb9e5", "radiance of surfaces that the image does not show, reflected with a "
-                                          "reflectance of 1, W m^-2 sr^-1", "unseen", exists=_reflects_unseen)}
+    writes = {"unseen_reflection": Target("rgb9e5", "radiance of surfaces that the image does not show, reflected with "
+                                          "a reflectance of 1, W m^-2 sr^-1", "start", exists=_reflects_unseen)}
     uniforms = {"texel": "float", "rays": "int", **_LIGHT_UNIFORMS}
 
     def enabled(self, settings: Settings) -> bool:
         return _reflects_unseen(settings)
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
-        level = frame.settings.unseen_level
+        level = frame.settings.start_level
         yield Dispatch(level, {"texel": float(2**level), "rays": -(-frame.settings.unseen_samples // _RAYS_TO_REFLECT),
                                **_light_uniforms(frame)}, _light_defines(frame))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from contextlib import contextmanager
 from typing import Any, Callable, Iterator, Sequence
 
@@ -26,7 +27,7 @@ from ssil_viewer.settings import Settings
 Light = Callable[[Renderer], tuple[np.ndarray, np.ndarray | None, dict[str, Any]]]
 """Image and irradiance of a renderer's last frame, and what else is known of them."""
 
-_ORDER = ("direct_only", "constant_ambient", "gtao", "single_level_off", "single_level_horizon",
+_ORDER = ("direct_only", "constant_ambient", "gtao", "single_level_off", "single_level_horizon", "ssil_seen",
           *(f"ssil_{visibility}" for visibility in VISIBILITIES))
 
 _DRIFT = 0.1    # of a time from the first measurement to the last, above which a warning says so
@@ -175,6 +176,7 @@ class _ComparingAll:
         image, irradiance, more = light(renderer)
         if keep_picture:
             self._done.pictures[method.name] = np.asarray(image, np.float32)
+        errors = self._errors(image, irradiance, self._seen_light(renderer, method, irradiance))
         passes = timed.timings.passes
         work = {"samples": method.occlusion.samples, "slices": method.occlusion.slices,
                 "steps": method.occlusion.steps, "radius": method.occlusion.radius} if method.occlusion else {
@@ -184,17 +186,27 @@ class _ComparingAll:
                 "ms": method.own_ms(passes), "p10_ms": method.own_ms(passes, "p10_ms"),
                 "p90_ms": method.own_ms(passes, "p90_ms"), "adds_up": timed.timings.adds_up(),
                 "passes": {name: time.median_ms for name, time in passes.items()},
-                **self._errors(image, irradiance), **more}
+                **errors, **more}
+
+    def _seen_light(self, renderer: Renderer, method: Method, irradiance: np.ndarray | None) -> np.ndarray | None:
+        """Irradiance from what the image shows; the method's own where it knows of nothing else."""
+        if irradiance is None or not method.settings.unseen_samples:
+            return irradiance
+        self._render(renderer, dataclasses.replace(
+            method, settings=dataclasses.replace(method.settings, unseen_samples=0)))
+        return renderer.read("indirect")
 
     def _render(self, renderer: Renderer, method: Method) -> None:
         renderer.set_settings(method.settings)
         renderer.reset_history()
         render_frames(renderer, self._camera, self._frames)
 
-    def _errors(self, image: np.ndarray, irradiance: np.ndarray | None) -> dict[str, Any]:
+    def _errors(self, image: np.ndarray, irradiance: np.ndarray | None, seen: np.ndarray | None = None
+                ) -> dict[str, Any]:
+        """Of a method's image and irradiance; seen: the part of it that comes from what the image shows."""
         blocks = self._done.blocks
         return {"image": self._picture.error(image) if self._picture else None,
-                "irradiance": blocks.agreement(irradiance) if blocks and irradiance is not None else {}}
+                "irradiance": blocks.agreement(irradiance, seen) if blocks and irradiance is not None else {}}
 
     @staticmethod
     def _our_light(renderer: Renderer) -> tuple[np.ndarray, np.ndarray | None, dict[str, Any]]:

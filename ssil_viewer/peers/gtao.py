@@ -92,4 +92,4 @@ def occlusion_frame(occlusion: GroundTruthOcclusion) -> tuple[Callable[[], Pass]
 
 def occlusion_settings(settings: Settings) -> Settings:
     """Settings under which `occlusion_frame` runs."""
-    return replace(settings, bounces=1, feedback=False, visibility="off", glossy_samples=0)
+    return replace(settings, bounces=1, feedback=False, visibility="off", glossy_samples=0, unseen_samples=0)

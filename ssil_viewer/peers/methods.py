@@ -76,9 +76,12 @@ def our_methods(settings: Settings, size: tuple[int, int]) -> list[Method]:
     """All that the viewer's own frame can do: direct light alone, our modes, and the gather of a single level."""
     base = dataclasses.replace(settings, bounces=1, feedback=False)
     found = [Method("direct_only", "direct light", dataclasses.replace(base, bounces=0), fixed=True)]
-    single = single_level(base, size)
+    screen = dataclasses.replace(base, unseen_samples=0)
+    single = single_level(screen, size)
     found += [Method(f"single_level_{visibility}", f"one level, {visibility}",
                      dataclasses.replace(single, visibility=visibility)) for visibility in ("off", "horizon")]
+    if base != screen:
+        found.append(Method("ssil_seen", f"SSIL, {base.visibility}, seen light only", screen))
     return found + [Method(f"ssil_{visibility}", f"SSIL, {visibility}",
                            dataclasses.replace(base, visibility=visibility)) for visibility in VISIBILITIES]
 

@@ -82,11 +82,19 @@ class Blocks:
         """(B, 3) of an image's irradiance, (H, W, 3)."""
         return irradiance[self.rows, self.columns].mean((1, 2))
 
-    def agreement(self, irradiance: np.ndarray) -> dict[str, dict[str, float]]:
-        """Of an image's irradiance, (H, W, 3), with each reference: see `metrics.agreement`."""
-        means = self.means(irradiance)
-        return {name: metrics.agreement(means, self.references[name])
-                for name in ("R1", "R2", "R3_visible", "R3") if name in self.references and len(means)}
+    def agreement(self, irradiance: np.ndarray, seen: np.ndarray | None = None) -> dict[str, dict[str, float]]:
+        """Of an image's irradiance with each reference: see `metrics.agreement`.
+
+        Args:
+            irradiance: (H, W, 3).
+            seen: What of it comes from surfaces that the image shows, which is all that R1, R2 and R3_visible know;
+                None: all of it.
+        """
+        if not len(self.rows):
+            return {}
+        means = self.means(irradiance), self.means(irradiance if seen is None else seen)
+        return {name: metrics.agreement(means[name != "R3"], self.references[name])
+                for name in ("R1", "R2", "R3_visible", "R3") if name in self.references}
 
 
 @dataclass
@@ -152,14 +160,21 @@ class _Comparing:
 
     def run(self) -> Comparison:
         one_bounce = dataclasses.replace(self._settings, bounces=1, feedback=False)
-        renderer = self._rendered(one_bounce, "rendering")
+        # R1 and R2 are about what the image shows
+        seen_light = dataclasses.replace(one_bounce, unseen_samples=0)
+        renderer = self._rendered(seen_light, "rendering")
         try:
             receivers = read_surfaces(renderer, self._camera)
             self._blocks(receivers)
-            ours = renderer.read("indirect")
+            seen = ours = renderer.read("indirect")
             self._occlusion = renderer.read("occlusion")[self._rows, self._columns][..., None].astype(np.float64)
-            self._ours = ours[self._rows, self._columns].mean((1, 2))
+            self._seen = seen[self._rows, self._columns].mean((1, 2))
             found = self._sums(renderer, receivers)
+            if one_bounce != seen_light:
+                renderer.release()
+                renderer = self._rendered(one_bounce, "rendering with unseen light")
+                ours = renderer.read("indirect")
+            self._ours = ours[self._rows, self._columns].mean((1, 2))
             if self._settings != one_bounce:
                 renderer.release()
                 renderer = self._rendered(self._settings, "rendering all bounces")
@@ -169,7 +184,7 @@ class _Comparing:
         noise = self._noise(one_bounce)
         result = self._done.result
         self._done.blocks = Blocks(self._rows, self._columns, found)
-        result["irradiance"] = self._done.blocks.agreement(ours)
+        result["irradiance"] = self._done.blocks.agreement(ours, seen)
         result["differences"] = self._differences(found, noise)
         result["warnings"] = self._done.warnings
         return self._done
@@ -350,7 +365,7 @@ class _Comparing:
         if not found or noise is None:
             return {}
         scale = next(found[name] for name in ("R3", "R2", "R1", "R3_visible") if name in found).mean()
-        everything = found | {"ours": self._ours}
+        everything = found | {"ours": self._ours, "seen": self._seen}
         shares = {"noise": noise}
         for name, (a, b) in DIFFERENCES.items():
             if a in everything and b in everything:
@@ -359,8 +374,8 @@ class _Comparing:
 
 
 DIFFERENCES = {
-    "method_without_visibility": ("ours", "R1"),
-    "method_with_visibility": ("ours", "R2"),
+    "method_without_visibility": ("seen", "R1"),
+    "method_with_visibility": ("seen", "R2"),
     "coarse_senders": ("R1_texels", "R1"),
     "visibility": ("R1", "R2"),
     "screen_senders": ("R2", "R3_visible"),

@@ -131,7 +131,7 @@ class TriangleColors:
     """What triangles send on, as means over each; in the order of `SceneTriangles`, solid ones first.
 
     Attributes:
-        albedo, emission: (T, 3) float32, as of `Surfels`; holes are left out of the mean where there is more than holes.
+        albedo, emission: (T, 3) float32, as of `Surfels`; holes do not count.
         double_sided: (T,) bool.
     """
 
@@ -154,8 +154,8 @@ def triangle_colors(scene: Scene) -> TriangleColors:
                 (*known[key], np.full(len(primitive.indices), material.double_sided)))
     every = [*parts[True], *parts[False]]
     none = np.zeros((0, 3), np.float32)
-    return TriangleColors(np.concatenate([none, *(p[0] for p in every)]), np.concatenate([none, *(p[1] for p in every)]),
-                          np.concatenate([np.zeros(0, bool), *(p[2] for p in every)]))
+    return TriangleColors(*(np.concatenate([empty, *(part[at] for part in every)])
+                            for at, empty in enumerate((none, none, np.zeros(0, bool)))))
 
 
 def _mean_colors(scene: Scene, primitive: Primitive, material: Material) -> tuple[np.ndarray, np.ndarray]:
