@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import moderngl
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.gpu.gl import GLFunctions
 
 MINIMUM_GL = (3, 3)
 _COMPUTE_GL_CODE = 430
@@ -24,6 +25,7 @@ class Capabilities:
         compute: Compute shaders are there (OpenGL 4.3).
         software: The CPU does the work: timer queries are meaningless.
         max_texture_size: Largest side of a texture in texels.
+        image_units: Images that a compute shader may use; 0 without compute shaders.
     """
 
     renderer: str
@@ -33,6 +35,7 @@ class Capabilities:
     compute: bool
     software: bool
     max_texture_size: int
+    image_units: int
 
 
 def create_headless_context() -> moderngl.Context:
@@ -70,4 +73,5 @@ def read_capabilities(context: moderngl.Context) -> Capabilities:
     return Capabilities(
         renderer=info["GL_RENDERER"], vendor=info["GL_VENDOR"], version=info["GL_VERSION"], code=code,
         compute=code >= _COMPUTE_GL_CODE, software=any(s in name for s in _SOFTWARE_RENDERERS),
-        max_texture_size=int(info["GL_MAX_TEXTURE_SIZE"]))
+        max_texture_size=int(info["GL_MAX_TEXTURE_SIZE"]),
+        image_units=GLFunctions(context).image_units() if code >= _COMPUTE_GL_CODE else 0)

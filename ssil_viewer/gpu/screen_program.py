@@ -48,16 +48,28 @@ class Variant:
     defines: tuple[tuple[str, str], ...] = ()
 
 
-def declare_reads(variant: Variant) -> list[str]:
-    """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines."""
+def _declare_image(access: str, name: str, format_name: str, unit: int) -> str:
+    form = FORMATS[format_name]
+    return f"layout({form.layout}, binding = {unit}) {access} uniform {form.image} {name};"
+
+
+def declare_reads(variant: Variant, images: dict[str, int] | None = None) -> list[str]:
+    """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines.
+
+    Args:
+        images: Name -> image unit, of the reads that go through an image instead of the sampler.
+    """
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
     for name, format_name in variant.reads:
         form = FORMATS[format_name]
+        fetch, size = f"texelFetch(texture_{name}, px, 0)", f"textureSize(texture_{name}, 0)"
+        if images and name in images:
+            lines.append(_declare_image("readonly", f"input_{name}", format_name, images[name]))
+            fetch, size = f"imageLoad(input_{name}, px)", f"imageSize(input_{name})"
         lines += [f"#define HAS_{name.upper()}", f"uniform {form.sampler} texture_{name};",
-                  f"{form.glsl} load_{name}(ivec2 px) {{ return "
-                  + form.load.format(f"texelFetch(texture_{name}, px, 0)") + "; }",
-                  f"ivec2 size_{name}() {{ return textureSize(texture_{name}, 0); }}"]
+                  f"{form.glsl} load_{name}(ivec2 px) {{ return {form.load.format(fetch)}; }}",
+                  f"ivec2 size_{name}() {{ return {size}; }}"]
     lines += [f"uniform {sampler} texture_{name};" for name, sampler in variant.tables]
     lines += [f"uniform {kind} {name};" for name, kind in variant.uniforms]
     return lines
@@ -73,7 +85,7 @@ def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[s
     return declarations, stores
 
 
-def _source(variant: Variant, stage: Stage, block: type) -> Source:
+def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int]) -> Source:
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
@@ -82,8 +94,7 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
         declarations, stores = [], []
         for at, (name, format_name) in enumerate(variant.writes):
             form = FORMATS[format_name]
-            declarations += [f"layout({form.layout}, binding = {at}) writeonly uniform {form.image} image_{name};",
-                             f"{form.glsl} out_{name};"]
+            declarations += [_declare_image("writeonly", f"image_{name}", format_name, at), f"{form.glsl} out_{name};"]
             value = form.store.format("out_" + name)
             kind = "uvec4" if form.image.startswith("u") else "vec4"
             padded = {1: f"{kind}({value})", 2: f"{kind}({value}, 0, 0)", 4: value}[form.components]
@@ -94,7 +105,7 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
-    body = [*head, *declare_reads(variant), *declarations, glsl_block(block, "frame")]
+    body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
     source = expand(variant.shader, "\n".join(body))
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
@@ -102,15 +113,23 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
 class ScreenProgram:
     """One compiled variant of a screen pass.
 
+    Args:
+        image_units: Images that its compute form may use. What they leave beyond the outputs serves inputs: llvmpipe
+            loads a texel of an image in a fifth of the time that a texture's takes it. 0: all inputs are textures.
+
     Raises:
         ShaderError: The shader does not compile.
     """
 
-    def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type) -> None:
+    def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type,
+                 image_units: int = 0) -> None:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
-        source = _source(variant, stage, block)
+        inputs = [name for name, _ in variant.reads] if self._compute else []
+        # Image unit of each input that is read through one: outputs have the first ones
+        self._images = dict(zip(inputs, range(len(variant.writes), image_units)))
+        source = _source(variant, stage, block, self._images)
         self._vertex_array = None
         if self._compute:
             self._program = compile_compute(context, source)
@@ -153,6 +172,8 @@ class ScreenProgram:
         if self._compute:
             for at, name in enumerate(self._writes):
                 outputs[name].bind_to_image(at, read=False, write=True)
+            for name, at in self._images.items():
+                inputs[name].bind_to_image(at, read=True, write=False)
             self._gl.run_compute(self._program, (-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE)))
             self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
                                          | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
