@@ -371,9 +371,7 @@ class PassRunner:
         self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
 
     def _compile(self, variant: Variant) -> ScreenProgram:
-        # On GPUs textures have caches that images may lack
-        images = self.capabilities.image_units if self.capabilities.software else 0
-        return ScreenProgram(self.context, variant, self.stage, FrameBlock, images)
+        return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.capabilities.software)
 
     def unbind(self) -> None:
         """Take no binding of an earlier frame for granted: outside of `frame()`, anybody may have changed them."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import moderngl
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.gl import GLFunctions
 
 MINIMUM_GL = (3, 3)
 _COMPUTE_GL_CODE = 430
@@ -25,7 +24,6 @@ class Capabilities:
         compute: Compute shaders are there (OpenGL 4.3).
         software: The CPU does the work: timer queries are meaningless.
         max_texture_size: Largest side of a texture in texels.
-        image_units: Images that a compute shader may use; 0 without compute shaders.
     """
 
     renderer: str
@@ -35,7 +33,6 @@ class Capabilities:
     compute: bool
     software: bool
     max_texture_size: int
-    image_units: int
 
 
 def create_headless_context() -> moderngl.Context:
@@ -73,5 +70,4 @@ def read_capabilities(context: moderngl.Context) -> Capabilities:
     return Capabilities(
         renderer=info["GL_RENDERER"], vendor=info["GL_VENDOR"], version=info["GL_VERSION"], code=code,
         compute=code >= _COMPUTE_GL_CODE, software=any(s in name for s in _SOFTWARE_RENDERERS),
-        max_texture_size=int(info["GL_MAX_TEXTURE_SIZE"]),
-        image_units=GLFunctions(context).image_units() if code >= _COMPUTE_GL_CODE else 0)
+        max_texture_size=int(info["GL_MAX_TEXTURE_SIZE"]))

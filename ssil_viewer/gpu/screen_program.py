@@ -14,7 +14,7 @@ import moderngl
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import Source, compile_compute, compile_program, expand
 from ssil_viewer.gpu.targets import FORMATS, TargetSet
-from ssil_viewer.gpu.uniforms import glsl_block
+from ssil_viewer.gpu.uniforms import glsl_block, members
 
 Stage = Literal["compute", "fragment"]
 GROUP_SIZE = 8  # threads per side of a compute group: 64 threads suit the waves of all makers
@@ -85,7 +85,17 @@ def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[s
     return declarations, stores
 
 
-def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int]) -> Source:
+def _copied_uniforms(variant: Variant, block: type) -> list[str]:
+    """GLSL of `read_uniforms()`, and of the copies that it makes and by whose names all that follows reads uniforms."""
+    fields = " ".join(f"{glsl} {name};" for name, glsl in members(block))
+    copied = [*(name for name, _ in variant.uniforms), *(f"frame.{name}" for name, _ in members(block))]
+    return [f"struct Copied{block.__name__} {{ {fields} }};", f"Copied{block.__name__} copied_frame;",
+            *(f"{kind} copied_{name};" for name, kind in variant.uniforms),
+            "void read_uniforms() {", *(f"    copied_{name} = {name};" for name in copied), "}",
+            *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in variant.uniforms)))]
+
+
+def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
@@ -106,6 +116,12 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int])
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
     body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
+    if stage == "compute" and software:
+        body += _copied_uniforms(variant, block)
+        # Outside of the image nothing is stored (OpenGL 4.6, 8.26)
+        main = ["uniform ivec2 output_size;", "void main() {", "    read_uniforms();",
+                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
+                "    shade(min(px, output_size - 1));", *("    " + s for s in stores), "}"]
     source = expand(variant.shader, "\n".join(body))
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
@@ -114,22 +130,23 @@ class ScreenProgram:
     """One compiled variant of a screen pass.
 
     Args:
-        image_units: Images that its compute form may use. What they leave beyond the outputs serves inputs: llvmpipe
-            loads a texel of an image in a fifth of the time that a texture's takes it. 0: all inputs are textures.
+        software: OpenGL is; the compute form is then written for llvmpipe. It reads inputs through images, of which a texel
+            takes a fifth of the time that a texture's takes, as far as there are image units. And it reads uniforms before
+            the first branch: behind one llvmpipe collects each eight times, once for each pixel of a vector.
 
     Raises:
         ShaderError: The shader does not compile.
     """
 
     def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type,
-                 image_units: int = 0) -> None:
+                 software: bool = False) -> None:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
         inputs = [name for name, _ in variant.reads] if self._compute else []
         # Image unit of each input that is read through one: outputs have the first ones
-        self._images = dict(zip(inputs, range(len(variant.writes), image_units)))
-        source = _source(variant, stage, block, self._images)
+        self._images = dict(zip(inputs, range(len(variant.writes), self._gl.image_units() if software else 0)))
+        source = _source(variant, stage, block, self._images, software)
         self._vertex_array = None
         if self._compute:
             self._program = compile_compute(context, source)
