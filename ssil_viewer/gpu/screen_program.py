@@ -130,9 +130,10 @@ class ScreenProgram:
     """One compiled variant of a screen pass.
 
     Args:
-        software: OpenGL is; the compute form is then written for llvmpipe. It reads inputs through images, of which a texel
-            takes a fifth of the time that a texture's takes, as far as there are image units. And it reads uniforms before
-            the first branch: behind one llvmpipe collects each eight times, once for each pixel of a vector.
+        software: OpenGL is; the compute form is then written for llvmpipe. It reads inputs through images, of which a
+            texel takes a fifth of the time that a texture's takes, as far as there are image units. And it reads
+            uniforms before the first branch: behind one, llvmpipe collects each eight times, once for each pixel of a
+            vector.
 
     Raises:
         ShaderError: The shader does not compile.
