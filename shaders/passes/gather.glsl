@@ -107,8 +107,11 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             bool is_near = i < near_steps;
             vec2 place = is_near ? ring_place(0.0, inner, near_steps, float(i) + shift)
                                  : ring_place(inner, frame.radius, steps - near_steps, float(i - near_steps) + shift);
-            Sender sender;
-            if (!look_at_place(receiver, center + direction * place.x, sender)) continue;
+            vec2 at_place = center + direction * place.x;
+            ivec2 at = ivec2(floor(at_place));
+            if (!may_see(receiver, at)) continue;
+            Sender sender = look_at_place(receiver, at, at_place);
+            if (!is_seen(sender)) continue;
             float front = elevation(half_plane, sender.offset * sender.inverse_distance);
             float factor = form_factor(sender, strip * place.y);
             if (factor > 0.0 && !sees_blocked(blocked, front, NEARER))
@@ -142,8 +145,9 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         ivec2 at = ivec2(floor(center + spiral.direction * radius));
         spiral.direction = golden_rotation(spiral.direction);
         spiral.at += spiral.step;
-        Sender sender;
-        if (!look_at(receiver, at, sender)) continue;
+        if (!may_see(receiver, at)) continue;
+        Sender sender = look_at(receiver, at);
+        if (!is_seen(sender)) continue;
         float factor = form_factor(sender, texels);
         if (factor <= 0.0) continue;
         vec3 radiance = load_radiance(at) * factor;

@@ -47,22 +47,22 @@ Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
 
 bool is_on_screen(ivec2 at, ivec2 size) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
 
-// False where there is nothing to look at: off screen, background, the receiver itself.
-bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
-    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+// False where there is nothing to look at: off screen, the receiver itself. One asks before looking and then whether anything
+// was seen: with one function and several returns, what is seen would be copied under a mask on CPUs.
+bool may_see(Receiver receiver, ivec2 at) { return is_on_screen(at, size_surface()) && at != receiver.px; }
+
+bool is_seen(Sender sender) { return sender.view_depth > 0.0 && sender.distance_squared > 0.0; }
+
+Sender look_at(Receiver receiver, ivec2 at) {
     Surface surface = load_surface(at);
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    sender = sender_at(receiver, at, surface, position_from_ray(ray, surface.view_depth));
-    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+    return sender_at(receiver, at, surface, position_from_ray(ray, surface.view_depth));
 }
 
-// The same at a place between texel centres.
-bool look_at_place(Receiver receiver, vec2 place, out Sender sender) {
-    ivec2 at = ivec2(floor(place));
-    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+// The same at a place between texel centres; at: the texel around it.
+Sender look_at_place(Receiver receiver, ivec2 at, vec2 place) {
     Surface surface = load_surface(at);
-    sender = sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
-    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+    return sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
 }
 
 #if VISIBILITY == 2
@@ -84,7 +84,7 @@ Disc texel_disc(Sender sender) {
     float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
     float depth = sender.view_depth;
     // A surface seen at a grazing angle would count for infinitely much: its cosine is held above 1 %.
-    return Disc(sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth),
+    return Disc(sender_cos * (scale.x * scale.y * (1.0 / PI)) * (depth * depth * depth),
                 max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)));
 }
 

@@ -123,8 +123,9 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
                                   : ring_place(inner_radius, frame.radius, steps, float(i - inner_steps) + shift);
             float width = width_at(wedge, place.x);
             ivec2 at = texel_at(receiver, wedge, width, place.x, across);
-            Sender sender;
-            if (!look_at(receiver, at, sender)) continue;
+            if (!may_see(receiver, at)) continue;
+            Sender sender = look_at(receiver, at);
+            if (!is_seen(sender)) continue;
             // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
             // receiver's own surface would seem to rise above itself
             HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
@@ -153,8 +154,10 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         float width = width_at(wedge, place.x);
         // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
         float across = fract(jitter.x + float(i) * GOLDEN_TURN);
-        Sender sender;
-        if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
+        ivec2 at = texel_at(receiver, wedge, width, place.x, across);
+        if (!may_see(receiver, at)) continue;
+        Sender sender = look_at(receiver, at);
+        if (!is_seen(sender)) continue;
         float share = reflectance(receiver, mirror, sender, width * place.y) * ring_weight(place.x);
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
