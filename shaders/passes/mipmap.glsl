@@ -33,7 +33,7 @@ float votes(ivec2 at) {
 // Adds a neighbour `b` with its weight. On a candidate's surface it lies by the agreement of normals and the
 // closeness to the tangent plane, s = f^1.25 / (1 + u)^2: mild, since bumps of one surface should average out. It supports
 // the candidate by s^4. The power of the cosine is a trade: lower is steadier, and rounds the corners off that light one
-// another (docs/method/mipmap.md).
+// another (docs/method/mipmap.md). It is a polynomial here, within 0.005, because roots take CPUs long.
 void add(inout Shares shares, Candidates a, Surface b, vec2 ray, vec2 center, float nearest, float farthest,
          float weight) {
     vec3 q = position_from_ray(ray, b.view_depth);
@@ -42,7 +42,7 @@ void add(inout Shares shares, Candidates a, Surface b, vec2 ray, vec2 center, fl
     vec4 facing = max(a.normal_x * b.normal.x + a.normal_y * b.normal.y + a.normal_z * b.normal.z, 0.0);
     vec4 off_plane = abs(a.normal_x * q.x + a.normal_y * q.y + a.normal_z * q.z - a.offset);
     vec4 near = 1.0 / (1.0 + off_plane * a.nearness);
-    vec4 same = facing * sqrt(sqrt(facing)) * near * near, support = same * same;
+    vec4 same = facing * (0.525 + facing * (0.763 - 0.288 * facing)) * near * near, support = same * same;
     shares.score += weight * (support * support);
     same *= weight;
     shares.total += same;
