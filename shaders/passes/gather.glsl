@@ -114,9 +114,11 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             Sender sender = look_at_place(receiver, at, at_place);
             if (!is_seen(sender)) continue;
             float front = elevation(half_plane, sender.offset, sender.inverse_distance);
-            uint hidden = hidden_by(half_plane, front, sender.offset, sender.position);
+            // This order lets CPUs do most at once
             vec3 radiance = load_radiance(at);
-            float factor = sees_blocked(blocked, front, NEARER) ? 0.0 : form_factor(sender, strip * place.y);
+            float factor = form_factor(sender, strip * place.y);
+            uint hidden = hidden_by(half_plane, front, sender.offset, sender.position);
+            if (sees_blocked(blocked, front, NEARER)) factor = 0.0;
             receive(receiver, sender, radiance * factor, light);
             // Both parts are summed up as one, of which what is near is told apart: two calls would both be paid for
             if (is_near) so_far = light;
