@@ -27,12 +27,12 @@ float votes(ivec2 at) {
 // How far a voter, with its normal and position, lies on each candidate's surface: by the agreement of normals and the
 // closeness to the tangent plane, s = f^1.25 / (1 + u)^2. Mild, since bumps of one surface should average out. The
 // power of the cosine is a trade: lower is steadier, and rounds the corners off that light one another
-// (docs/method/mipmap.md). It is a polynomial here, within 0.005, because roots take CPUs long.
+// (docs/method/mipmap.md).
 vec4 lying_on(Candidates a, vec3 normal, vec3 position) {
     vec4 facing = max(a.normal_x * normal.x + a.normal_y * normal.y + a.normal_z * normal.z, 0.0);
     vec4 off_plane = abs(a.normal_x * position.x + a.normal_y * position.y + a.normal_z * position.z - a.offset);
     vec4 near = 1.0 / (1.0 + off_plane * a.nearness);
-    return facing * (0.525 + facing * (0.763 - 0.288 * facing)) * near * near;
+    return facing * sqrt(sqrt(facing)) * near * near;
 }
 
 // The texels that vote, relative to the block's first: its four, and the eight that share a side with it.

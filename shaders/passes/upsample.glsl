@@ -42,14 +42,16 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float total = 0.0;
-    for (int i = 0; i < window; ++i) {
-        ivec2 offset = ivec2(i % 5, i / 5) - 2;
-        ivec2 at = clamp(px + offset, ivec2(0), last);
-        Surface tap = load_surface(at);
-        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * agreement(plane, slanted, tap, vec2(at - px));
-        add(sum, load_gather(at), tap.normal, receiver.normal, weight);
-        total += weight;
+    for (int row = 0; row < window; ++row) {
+        int y = clamp(px.y + row - 2, 0, last.y);
+        for (int x = -2; x <= 2; ++x) {
+            ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+            Surface tap = load_surface(at);
+            float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+                         * agreement(plane, slanted, tap, vec2(at - px));
+            add(sum, load_gather(at), tap.normal, receiver.normal, weight);
+            total += weight;
+        }
     }
     sum = scaled(sum, 1.0 / max(total, 1e-6));
     // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.
