@@ -86,13 +86,14 @@ def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[s
 
 
 def _copied_uniforms(variant: Variant, block: type) -> list[str]:
-    """GLSL of `read_uniforms()`, and of the copies that it makes and by whose names all that follows reads uniforms."""
+    """GLSL of `read_uniforms()`, and of the copies that it makes, by whose names what follows reads all but arrays."""
+    loose = [(name, kind) for name, kind in variant.uniforms if "[" not in name]
     fields = " ".join(f"{glsl} {name};" for name, glsl in members(block))
-    copied = [*(name for name, _ in variant.uniforms), *(f"frame.{name}" for name, _ in members(block))]
+    copied = [*(name for name, _ in loose), *(f"frame.{name}" for name, _ in members(block))]
     return [f"struct Copied{block.__name__} {{ {fields} }};", f"Copied{block.__name__} copied_frame;",
-            *(f"{kind} copied_{name};" for name, kind in variant.uniforms),
+            *(f"{kind} copied_{name};" for name, kind in loose),
             "void read_uniforms() {", *(f"    copied_{name} = {name};" for name in copied), "}",
-            *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in variant.uniforms)))]
+            *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in loose)))]
 
 
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
