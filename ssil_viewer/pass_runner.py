@@ -367,8 +367,11 @@ class PassRunner:
         """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
         if variant not in self._programs:
             self.timers.disturb()
-            self._programs[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
+            self._programs[variant] = self._compile(variant)
         self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
+
+    def _compile(self, variant: Variant) -> ScreenProgram:
+        return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.capabilities.software)
 
     def unbind(self) -> None:
         """Take no binding of an earlier frame for granted: outside of `frame()`, anybody may have changed them."""
@@ -379,7 +382,7 @@ class PassRunner:
         fresh: dict[Variant, ScreenProgram] = {}
         try:
             for variant in self._programs:
-                fresh[variant] = ScreenProgram(self.context, variant, self.stage, FrameBlock)
+                fresh[variant] = self._compile(variant)
         except ShaderError:
             for program in fresh.values():
                 program.release()

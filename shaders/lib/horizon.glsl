@@ -26,9 +26,9 @@ HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
     return HalfPlane(to_camera, 1.0 / max(span, 1e-3));
 }
 
-// 0: towards the camera, 1: along the receiver's surface, more: below it. direction: unit length.
-float elevation(HalfPlane half_plane, vec3 direction) {
-    return fast_acos(dot(direction, half_plane.to_camera)) * half_plane.inverse_span;
+// 0: towards the camera, 1: along the receiver's surface, more: below it. inverse_length: of the offset.
+float elevation(HalfPlane half_plane, vec3 offset, float inverse_length) {
+    return fast_acos(dot(offset, half_plane.to_camera) * inverse_length) * half_plane.inverse_span;
 }
 
 // Bits of the elevations from `low` to `high`. Rounded at both ends, so that narrow sectors add up without bias.
@@ -41,5 +41,5 @@ uint sector(float low, float high) {
 // A surface that faces the camera and the receiver is met from its far end on, each sample a little nearer to the camera
 // than the one before: so many bits (up to a half) less are asked for, lest rounding make it hide itself.
 bool sees_blocked(uint blocked, float at, float nearer) {
-    return at < 1.0 && ((blocked >> uint(max(at * 32.0 - nearer, 0.0))) & 1u) != 0u;
+    return at < 1.0 && ((blocked >> uint(int(max(at * 32.0 - nearer, 0.0)))) & 1u) != 0u;
 }

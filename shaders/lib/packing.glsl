@@ -19,11 +19,11 @@ uint encode_rgb9e5(vec3 color) {
     float largest = max(max(c.r, c.g), c.b);
     int exponent = max(-16, int(floatBitsToUint(largest) >> 23) - 127) + 16;
     float scale = uintBitsToFloat(uint(127 + 24 - exponent) << 23);   // 2^(9 + 15 - exponent)
-    if (uint(largest * scale + 0.5) == 512u) {
+    if (int(largest * scale + 0.5) == 512) {
         scale *= 0.5;
         exponent += 1;
     }
-    uvec3 mantissa = uvec3(c * scale + 0.5);
+    uvec3 mantissa = uvec3(ivec3(c * scale + 0.5));     // CPUs convert to signed integers only
     return mantissa.r | (mantissa.g << 9) | (mantissa.b << 18) | (uint(exponent) << 27);
 }
 
@@ -91,7 +91,7 @@ vec3 quantize_lobe_direction(vec3 direction) { return floor(clamp(direction, -1.
 
 uvec2 encode_lobe(Lobe lobe) {
     ivec3 d = ivec3(floor(clamp(lobe.direction, -1.0, 1.0) * 127.0 + 0.5)) & 255;
-    uint back = uint(clamp(lobe.back / (1.0 + lobe.back), 0.0, 1.0) * 255.0 + 0.5);
+    uint back = uint(int(clamp(lobe.back / (1.0 + lobe.back), 0.0, 1.0) * 255.0 + 0.5));
     return uvec2(encode_rgb9e5(lobe.flux), uint(d.x | (d.y << 8) | (d.z << 16)) | (back << 24));
 }
 
@@ -111,8 +111,8 @@ struct Reflection {
 };
 
 uvec2 encode_reflection(Reflection r) {
-    uint roughness = r.roughness < 0.0 ? 0u : 1u + uint(min(r.roughness, 1.0) * 65534.0 + 0.5);
-    return uvec2(encode_rgb9e5(r.radiance), roughness | uint(clamp(r.spread * 0.25, 0.0, 1.0) * 65535.0 + 0.5) << 16);
+    uint roughness = r.roughness < 0.0 ? 0u : 1u + uint(int(min(r.roughness, 1.0) * 65534.0 + 0.5));
+    return uvec2(encode_rgb9e5(r.radiance), roughness | uint(int(clamp(r.spread * 0.25, 0.0, 1.0) * 65535.0 + 0.5)) << 16);
 }
 
 Reflection decode_reflection(uvec2 bits) {

@@ -35,7 +35,8 @@ bool find_history(ivec2 px, Surface surface, float alike, out vec4 history) {
                     && dot(old.normal, expected_normal) > alike;
         float weight = i == 0 ? 1.0 - abs(f.x) - abs(f.y) : i == 1 ? abs(f.x) : abs(f.y);
         weight = same ? weight : 0.0;
-        sum += weight > 0.0 ? HISTORY_AT(safe) * weight : vec4(0.0);    // what is refused may be no number
+        vec4 found = HISTORY_AT(safe);
+        sum += weight > 0.0 ? found * weight : vec4(0.0);   // what is refused may be no number
         total += weight;
     }
     history = sum / max(total, 0.01);

@@ -15,7 +15,7 @@ vec3 glossy_reflection(ivec2 at) {
     if (surface.view_depth <= 0.0) return vec3(0.0);
     vec4 specular = load_specular(at);
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin);
-    float n_dot_v = dot(surface.normal, normalize(vec3(-ray, 1.0)));
+    float n_dot_v = (surface.normal.z - dot(surface.normal.xy, ray)) * inversesqrt(dot(ray, ray) + 1.0);
     return load_reflection(at) * fresnel_rough(specular.rgb, specular.a, n_dot_v);
 }
 #endif
@@ -26,7 +26,7 @@ void shade(ivec2 px) {
     indirect = load_albedo(px + band).rgb * vec3(load_irradiance(px + band)) * (1.0 / PI);
 #endif
 #ifdef HAS_REFLECTION
-    glossy = finite_half(glossy_reflection(px + band));
+    glossy = glossy_reflection(px + band);   // a half float holds what is stored, times at most 1
 #endif
     vec3 direct = load_direct(px + band).rgb;
 #if SHOW == 0

@@ -84,7 +84,7 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
         vec3 offset = position - receiver.position;
         float squared = dot(offset, offset);
         if (surface.view_depth <= 0.0 || squared <= 0.0) continue;
-        float front = elevation(half_plane, offset * inversesqrt(squared));
+        float front = elevation(half_plane, offset, inversesqrt(squared));
         blocked |= hidden_by(half_plane, front, offset, position);
     }
     return blocked;
@@ -96,6 +96,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
     int near_steps = near_field * ((steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
     float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+    Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
     float strip = 2.0 * PI / float(directions);
     vec2 turn = vec2(cos(strip), sin(strip));
     for (int d = 0; d < directions; ++d) {
@@ -105,17 +106,23 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         Incoming before = light, so_far = light;
         for (int i = 0; i < steps; ++i) {
             bool is_near = i < near_steps;
-            vec2 place = is_near ? ring_place(0.0, inner, near_steps, float(i) + shift)
-                                 : ring_place(inner, frame.radius, steps - near_steps, float(i - near_steps) + shift);
-            Sender sender;
-            if (!look_at_place(receiver, center + direction * place.x, sender)) continue;
-            float front = elevation(half_plane, sender.offset * sender.inverse_distance);
+            vec2 place = is_near ? ring_place(near_ring, float(i) + shift) : ring_place(ring, float(i - near_steps) + shift);
+            vec2 at_place = center + direction * place.x;
+            ivec2 at = ivec2(floor(at_place));
+            if (!is_on_screen(at, size_surface())) break;
+            if (at == receiver.px) continue;
+            Sender sender = look_at_place(receiver, at, at_place);
+            if (!is_seen(sender)) continue;
+            float front = elevation(half_plane, sender.offset, sender.inverse_distance);
+            // This order lets CPUs do most at once
+            vec3 radiance = load_radiance(at);
             float factor = form_factor(sender, strip * place.y);
-            if (factor > 0.0 && !sees_blocked(blocked, front, NEARER))
-                receive(receiver, sender, load_radiance(sender.px) * factor, light);
+            uint hidden = hidden_by(half_plane, front, sender.offset, sender.position);
+            if (sees_blocked(blocked, front, NEARER)) factor = 0.0;
+            receive(receiver, sender, radiance * factor, light);
             // Both parts are summed up as one, of which what is near is told apart: two calls would both be paid for
             if (is_near) so_far = light;
-            blocked |= hidden_by(half_plane, front, sender.offset, sender.position);
+            blocked |= hidden;
         }
         near = plus(near, difference(so_far, before));
         direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
@@ -142,11 +149,11 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         ivec2 at = ivec2(floor(center + spiral.direction * radius));
         spiral.direction = golden_rotation(spiral.direction);
         spiral.at += spiral.step;
-        Sender sender;
-        if (!look_at(receiver, at, sender)) continue;
-        float factor = form_factor(sender, texels);
-        if (factor <= 0.0) continue;
-        vec3 radiance = load_radiance(at) * factor;
+        if (!may_see(receiver, at)) continue;
+        Sender sender = look_at(receiver, at);
+        Disc disc = texel_disc(sender);
+        if (disc.above <= 0.0) continue;
+        vec3 radiance = load_radiance(at) * form_factor(sender, disc, texels);
 #if VISIBILITY == 1
         if (radiance == vec3(0.0)) continue;
         VoxelEnd there = voxel_end(slicing, at, sender.position, sender.normal, scale);

@@ -47,45 +47,46 @@ Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
 
 bool is_on_screen(ivec2 at, ivec2 size) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
 
-// False where there is nothing to look at: off screen, background, the receiver itself.
-bool look_at(Receiver receiver, ivec2 at, out Sender sender) {
-    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+// False where there is nothing to look at: off screen, the receiver itself. It is asked before looking, and afterwards whether
+// anything was seen: CPUs would copy under a mask all that a function with several returns finds.
+bool may_see(Receiver receiver, ivec2 at) { return is_on_screen(at, size_surface()) && at != receiver.px; }
+
+bool is_seen(Sender sender) { return sender.view_depth > 0.0 && sender.distance_squared > 0.0; }
+
+Sender look_at(Receiver receiver, ivec2 at) {
     Surface surface = load_surface(at);
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    sender = sender_at(receiver, at, surface, position_from_ray(ray, surface.view_depth));
-    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+    return sender_at(receiver, at, surface, position_from_ray(ray, surface.view_depth));
 }
 
-// The same at a place between texel centres.
-bool look_at_place(Receiver receiver, vec2 place, out Sender sender) {
-    ivec2 at = ivec2(floor(place));
-    if (!is_on_screen(at, size_surface()) || at == receiver.px) return false;
+// The same at a place between texel centres; at: the texel around it.
+Sender look_at_place(Receiver receiver, ivec2 at, vec2 place) {
     Surface surface = load_surface(at);
-    sender = sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
-    return surface.view_depth > 0.0 && sender.distance_squared > 0.0;
+    return sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
 }
 
 #if VISIBILITY == 2
 // Elevations that a surface hides, if its visible side is at `front` and it reaches back from the camera by `thickness`.
 uint hidden_by(HalfPlane half_plane, float front, vec3 offset, vec3 position) {
     vec3 back = offset + position * frame.thickness;
-    return sector(front, elevation(half_plane, back * inversesqrt(max(dot(back, back), 1e-30))));
+    return sector(front, elevation(half_plane, back, inversesqrt(max(dot(back, back), 1e-30))));
 }
 #endif
 
 // R^2 of the disc that stands for one texel of the sender, as the receiver sees it: `above` / `below`.
-// R^2 = cos' dA / pi, dA = a z^3 / |n . Q|.
+// R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. Both are times the distance, which so divides nothing. 0 above: the sender faces
+// away, or there is none.
 struct Disc {
     float above, below;
 };
 
 Disc texel_disc(Sender sender) {
     vec2 scale = frame.ray_scale * texel;
-    float sender_cos = max(-dot(sender.normal, sender.offset), 0.0) * sender.inverse_distance;
+    float facing = max(-dot(sender.normal, sender.offset), 0.0);
     float depth = sender.view_depth;
     // A surface seen at a grazing angle would count for infinitely much: its cosine is held above 1 %.
-    return Disc(sender_cos * (scale.x * scale.y / PI) * (depth * depth * depth),
-                max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)));
+    return Disc(facing * (scale.x * scale.y * (1.0 / PI)) * (depth * depth * depth),
+                max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)) * sqrt(sender.distance_squared));
 }
 
 // Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`.
@@ -105,14 +106,26 @@ float form_factor(Sender sender, Disc disc, float texels) {
 
 float form_factor(Sender sender, float texels) { return form_factor(sender, texel_disc(sender), texels); }
 
-// Radius of one of `count` samples between two radii, and the area in texels that it stands for, per radian.
-vec2 ring_place(float from, float to, int count, float at) {
-    float share = 1.0 / float(count);
+// Samples between two radii, evenly spaced in radius or in its square.
+struct Ring {
+    float from, step;
+};
+
+Ring make_ring(float from, float to, int count) {
+    float share = 1.0 / float(max(count, 1));
 #if SPACING == 0
-    float radius = mix(from, to, at * share);
-    return vec2(radius, radius * (to - from) * share);
+    return Ring(from, (to - from) * share);
 #else
-    float squared = mix(from * from, to * to, at * share);
-    return vec2(sqrt(squared), 0.5 * (to * to - from * from) * share);
+    return Ring(from * from, (to * to - from * from) * share);
+#endif
+}
+
+// Radius of a sample and the area in texels that it stands for, per radian. at: from 0 to the number of samples.
+vec2 ring_place(Ring ring, float at) {
+    float reached = ring.from + at * ring.step;
+#if SPACING == 0
+    return vec2(reached, reached * ring.step);
+#else
+    return vec2(sqrt(reached), 0.5 * ring.step);
 #endif
 }

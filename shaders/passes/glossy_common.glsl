@@ -13,7 +13,7 @@ float reflection_agreement(Surface receiver, vec3 p, float roughness, Surface ta
     float facing = exp2((dot(receiver.normal, tap.normal) - 1.0) * mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
     float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
                     / (receiver.view_depth * REFLECTION_PLANE_TOLERANCE);
-    float unlike = (tap_roughness - roughness) / ROUGHNESS_TOLERANCE;
+    float unlike = (tap_roughness - roughness) * (1.0 / ROUGHNESS_TOLERANCE);
     return facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
 }
 

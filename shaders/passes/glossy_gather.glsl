@@ -84,6 +84,7 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
 vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     vec2 scale = frame.ray_scale * texel;
     int inner_steps = inner_radius > 0.0 ? (steps + 1) / 2 : 0;
+    Ring inside = make_ring(0.0, inner_radius, inner_steps), ring = make_ring(inner_radius, frame.radius, steps);
     vec3 sum = vec3(0.0);
     for (int d = 0; d < directions; ++d) {
         float across = (float(d) + jitter.x) / float(directions);
@@ -91,17 +92,17 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
         uint blocked = 0u;
         for (int i = 0; i < inner_steps + steps; ++i) {
             bool is_inner = i < inner_steps;
-            vec2 place = is_inner ? ring_place(0.0, inner_radius, inner_steps, float(i) + shift)
-                                  : ring_place(inner_radius, frame.radius, steps, float(i - inner_steps) + shift);
+            vec2 place = is_inner ? ring_place(inside, float(i) + shift) : ring_place(ring, float(i - inner_steps) + shift);
             float width = width_at(wedge, place.x);
             ivec2 at = texel_at(receiver, wedge, width, place.x, across);
-            Sender sender;
-            if (!look_at(receiver, at, sender)) continue;
+            if (!may_see(receiver, at)) continue;
+            Sender sender = look_at(receiver, at);
+            if (!is_seen(sender)) continue;
             // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
             // receiver's own surface would seem to rise above itself
             HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
                                                    vec3(vec2(at - receiver.px) * scale, 0.0));
-            float front = elevation(half_plane, sender.offset * sender.inverse_distance);
+            float front = elevation(half_plane, sender.offset, sender.inverse_distance);
             if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
                             * ring_weight(place.x);
@@ -119,14 +120,17 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
     Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
     VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
 #endif
+    Ring ring = make_ring(inner_radius, frame.radius, samples);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < samples; ++i) {
-        vec2 place = ring_place(inner_radius, frame.radius, samples, float(i) + jitter.y);
+        vec2 place = ring_place(ring, float(i) + jitter.y);
         float width = width_at(wedge, place.x);
         // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
         float across = fract(jitter.x + float(i) * GOLDEN_TURN);
-        Sender sender;
-        if (!look_at(receiver, texel_at(receiver, wedge, width, place.x, across), sender)) continue;
+        ivec2 at = texel_at(receiver, wedge, width, place.x, across);
+        if (!may_see(receiver, at)) continue;
+        Sender sender = look_at(receiver, at);
+        if (!is_seen(sender)) continue;
         float share = reflectance(receiver, mirror, sender, width * place.y) * ring_weight(place.x);
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;

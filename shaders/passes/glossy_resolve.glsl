@@ -17,7 +17,7 @@ Reflection from_start_level(ivec2 px, Surface receiver, float roughness) {
     // The nearest texel and its nearest neighbours along either axis
     vec2 own = floor(at_level + 0.5), f = at_level - own;
     ReflectionSum sum = no_reflection();
-    for (int i = 0; i < taps; ++i) {
+    for (int i = 0; i < 3; ++i) {
         ivec2 step = ivec2(i == 1 ? (f.x < 0.0 ? -1 : 1) : 0, i == 2 ? (f.y < 0.0 ? -1 : 1) : 0);
         ivec2 at = clamp(ivec2(own) + step, ivec2(0), last);
         Reflection tap = load_glossy_light(at);

@@ -42,14 +42,16 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
     Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float total = 0.0;
-    for (int i = 0; i < window; ++i) {
-        ivec2 offset = ivec2(i % 5, i / 5) - 2;
-        ivec2 at = clamp(px + offset, ivec2(0), last);
-        Surface tap = load_surface(at);
-        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * agreement(plane, slanted, tap, vec2(at - px));
-        add(sum, load_gather(at), tap.normal, receiver.normal, weight);
-        total += weight;
+    for (int row = 0; row < window; ++row) {
+        int y = clamp(px.y + row - 2, 0, last.y);
+        for (int x = -2; x <= 2; ++x) {
+            ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+            Surface tap = load_surface(at);
+            float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+                         * agreement(plane, slanted, tap, vec2(at - px));
+            add(sum, load_gather(at), tap.normal, receiver.normal, weight);
+            total += weight;
+        }
     }
     sum = scaled(sum, 1.0 / max(total, 1e-6));
     // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.
@@ -73,31 +75,22 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     ivec2 own = px / 2;
     ivec2 next = clamp(own + (px & 1) * 2 - 1, ivec2(0), last);
     Slant slanted = slant(receiver.normal, own, frame.ray_scale * (texel * 2.0));
-    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-    Lobe nearest = Lobe(vec3(0.0), vec3(0.0), 0.0);
-    vec3 nearest_normal = receiver.normal;
-    float total = 0.0, closest = 1e30;
+    ivec2 taps[3] = ivec2[](own, ivec2(next.x, own.y), ivec2(own.x, next.y));
+    vec3 normals[3], weights, apart;
     for (int i = 0; i < 3; ++i) {
-        ivec2 at = ivec2(i == 1 ? next.x : own.x, i == 2 ? next.y : own.y);
-        Surface tap = load_coarse_surface(at);
-        Lobe light = load_coarse(at);
-        float weight = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(at - own));
-        add(sum, light, tap.normal, receiver.normal, weight);
-        total += weight;
-        float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
-        if (apart < closest) {
-            closest = apart;
-            nearest = light;
-            nearest_normal = tap.normal;
-        }
+        Surface tap = load_coarse_surface(taps[i]);
+        normals[i] = tap.normal;
+        weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
+        apart[i] = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
     }
     // Nobody agrees: thin things whose surface no coarse texel kept. The neighbour nearest in depth is
     // wrong by less than black or a halo would be.
-    if (total < THRESH) {
-        add(sum, nearest, nearest_normal, receiver.normal, THRESH - total);
-        total = THRESH;
-    }
-    return scaled(sum, 1.0 / total);
+    float total = weights.x + weights.y + weights.z, missing = max(THRESH - total, 0.0);
+    bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
+    weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
+    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    for (int i = 0; i < 3; ++i) add(sum, load_coarse(taps[i]), normals[i], receiver.normal, weights[i]);
+    return scaled(sum, 1.0 / max(total, THRESH));
 #endif
 }
 #endif

@@ -46,9 +46,10 @@ Slice add_up(Receiver receiver, ivec2 corner, uint random) {
     int stride = 1 << bits;
     for (int y = corner.y; y < senders.y; y += stride)
         for (int x = corner.x; x < senders.x; x += stride) {
-            Sender sender;
             ivec2 at = first_sender + ivec2(x, y);
-            if (!look_at(receiver, at, sender)) continue;
+            if (!may_see(receiver, at)) continue;
+            Sender sender = look_at(receiver, at);
+            if (!is_seen(sender)) continue;
 #ifdef TRIANGLE_NORMALS
             sender.normal = decode_direction16(load_motion(at).w);
 #endif

@@ -24,6 +24,8 @@ _COLOR, _DEPTH = 0x1800, 0x1801
 _COLOR_LOGIC_OP = 0x0BF2
 _FRAMEBUFFER = 0x8D40
 _COPY, _LOGIC_OPERATIONS = 0x1503, {"xor": 0x1506, "or": 0x1507}
+# Largest numbers of image units, of images in a compute shader, and of images, buffers and outputs together
+_IMAGE_LIMITS = 0x8F38, 0x91BD, 0x8F39
 _ZEROS, _FARTHEST = (ctypes.c_uint * 4)(), (ctypes.c_float * 1)(1.0)
 
 
@@ -41,6 +43,15 @@ class GLFunctions:
             self._loaded[name] = make(None, *arguments)(self._load(name))
         return self._loaded[name]
 
+    def _integer(self, name: int) -> int:
+        found = ctypes.c_int()
+        self._function("glGetIntegerv", ctypes.c_uint, ctypes.c_void_p)(name, ctypes.byref(found))
+        return found.value
+
+    def image_units(self) -> int:
+        """Images that a compute shader may use; OpenGL 4.3 and newer."""
+        return min(map(self._integer, _IMAGE_LIMITS))
+
     @contextmanager
     def saved_bindings(self, units: int) -> Iterator[None]:
         """Put back, at the end, what is bound to the first texture units and to the first uniform buffer binding.
@@ -48,7 +59,6 @@ class GLFunctions:
         Of each unit the 2D texture and the sampler object; moderngl remembers neither.
         """
         pointer = ctypes.c_void_p
-        get = self._function("glGetIntegerv", ctypes.c_uint, pointer)
         get_indexed = self._function("glGetIntegeri_v", ctypes.c_uint, ctypes.c_uint, pointer)
         get_indexed_64 = self._function("glGetInteger64i_v", ctypes.c_uint, ctypes.c_uint, pointer)
         activate = self._function("glActiveTexture", ctypes.c_uint)
@@ -57,16 +67,11 @@ class GLFunctions:
         bind_buffer = self._function("glBindBufferBase", *(ctypes.c_uint,) * 3)
         bind_range = self._function("glBindBufferRange", *(ctypes.c_uint,) * 3, ctypes.c_ssize_t, ctypes.c_ssize_t)
 
-        def value(name: int) -> int:
-            found = ctypes.c_int()
-            get(name, ctypes.byref(found))
-            return found.value
-
-        active = value(_ACTIVE_TEXTURE)
+        active = self._integer(_ACTIVE_TEXTURE)
         saved = []
         for unit in range(units):
             activate(_TEXTURE0 + unit)
-            saved.append((value(_TEXTURE_BINDING_2D), value(_SAMPLER_BINDING)))
+            saved.append((self._integer(_TEXTURE_BINDING_2D), self._integer(_SAMPLER_BINDING)))
         activate(active)
         buffer, start, size = ctypes.c_int(), ctypes.c_int64(), ctypes.c_int64()
         get_indexed(_UNIFORM_BUFFER_BINDING, 0, ctypes.byref(buffer))

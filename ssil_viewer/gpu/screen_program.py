@@ -14,7 +14,7 @@ import moderngl
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import Source, compile_compute, compile_program, expand
 from ssil_viewer.gpu.targets import FORMATS, TargetSet
-from ssil_viewer.gpu.uniforms import glsl_block
+from ssil_viewer.gpu.uniforms import glsl_block, members
 
 Stage = Literal["compute", "fragment"]
 GROUP_SIZE = 8  # threads per side of a compute group: 64 threads suit the waves of all makers
@@ -48,16 +48,28 @@ class Variant:
     defines: tuple[tuple[str, str], ...] = ()
 
 
-def declare_reads(variant: Variant) -> list[str]:
-    """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines."""
+def _declare_image(access: str, name: str, format_name: str, unit: int) -> str:
+    form = FORMATS[format_name]
+    return f"layout({form.layout}, binding = {unit}) {access} uniform {form.image} {name};"
+
+
+def declare_reads(variant: Variant, images: dict[str, int] | None = None) -> list[str]:
+    """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines.
+
+    Args:
+        images: Name -> image unit, of the reads that go through an image instead of the sampler.
+    """
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
     for name, format_name in variant.reads:
         form = FORMATS[format_name]
+        fetch, size = f"texelFetch(texture_{name}, px, 0)", f"textureSize(texture_{name}, 0)"
+        if images and name in images:
+            lines.append(_declare_image("readonly", f"input_{name}", format_name, images[name]))
+            fetch, size = f"imageLoad(input_{name}, px)", f"imageSize(input_{name})"
         lines += [f"#define HAS_{name.upper()}", f"uniform {form.sampler} texture_{name};",
-                  f"{form.glsl} load_{name}(ivec2 px) {{ return "
-                  + form.load.format(f"texelFetch(texture_{name}, px, 0)") + "; }",
-                  f"ivec2 size_{name}() {{ return textureSize(texture_{name}, 0); }}"]
+                  f"{form.glsl} load_{name}(ivec2 px) {{ return {form.load.format(fetch)}; }}",
+                  f"ivec2 size_{name}() {{ return {size}; }}"]
     lines += [f"uniform {sampler} texture_{name};" for name, sampler in variant.tables]
     lines += [f"uniform {kind} {name};" for name, kind in variant.uniforms]
     return lines
@@ -73,7 +85,18 @@ def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[s
     return declarations, stores
 
 
-def _source(variant: Variant, stage: Stage, block: type) -> Source:
+def _copied_uniforms(variant: Variant, block: type) -> list[str]:
+    """GLSL of `read_uniforms()`, and of the copies that it makes, by whose names what follows reads all but arrays."""
+    loose = [(name, kind) for name, kind in variant.uniforms if "[" not in name]
+    fields = " ".join(f"{glsl} {name};" for name, glsl in members(block))
+    copied = [*(name for name, _ in loose), *(f"frame.{name}" for name, _ in members(block))]
+    return [f"struct Copied{block.__name__} {{ {fields} }};", f"Copied{block.__name__} copied_frame;",
+            *(f"{kind} copied_{name};" for name, kind in loose),
+            "void read_uniforms() {", *(f"    copied_{name} = {name};" for name in copied), "}",
+            *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in loose)))]
+
+
+def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
@@ -82,8 +105,7 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
         declarations, stores = [], []
         for at, (name, format_name) in enumerate(variant.writes):
             form = FORMATS[format_name]
-            declarations += [f"layout({form.layout}, binding = {at}) writeonly uniform {form.image} image_{name};",
-                             f"{form.glsl} out_{name};"]
+            declarations += [_declare_image("writeonly", f"image_{name}", format_name, at), f"{form.glsl} out_{name};"]
             value = form.store.format("out_" + name)
             kind = "uvec4" if form.image.startswith("u") else "vec4"
             padded = {1: f"{kind}({value})", 2: f"{kind}({value}, 0, 0)", 4: value}[form.components]
@@ -94,7 +116,13 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
-    body = [*head, *declare_reads(variant), *declarations, glsl_block(block, "frame")]
+    body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
+    if stage == "compute" and software:
+        body += _copied_uniforms(variant, block)
+        # Outside of the image nothing is stored (OpenGL 4.6, 8.26)
+        main = ["uniform ivec2 output_size;", "void main() {", "    read_uniforms();",
+                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
+                "    shade(min(px, output_size - 1));", *("    " + s for s in stores), "}"]
     source = expand(variant.shader, "\n".join(body))
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
@@ -102,15 +130,25 @@ def _source(variant: Variant, stage: Stage, block: type) -> Source:
 class ScreenProgram:
     """One compiled variant of a screen pass.
 
+    Args:
+        software: OpenGL is; the compute form is then written for llvmpipe. It reads inputs through images, of which a
+            texel takes a fifth of the time that a texture's takes, as far as there are image units. And it reads
+            uniforms before the first branch: behind one, llvmpipe collects each eight times, once for each pixel of a
+            vector.
+
     Raises:
         ShaderError: The shader does not compile.
     """
 
-    def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type) -> None:
+    def __init__(self, context: moderngl.Context, variant: Variant, stage: Stage, block: type,
+                 software: bool = False) -> None:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
-        source = _source(variant, stage, block)
+        inputs = [name for name, _ in variant.reads] if self._compute else []
+        # Image unit of each input that is read through one: outputs have the first ones
+        self._images = dict(zip(inputs, range(len(variant.writes), self._gl.image_units() if software else 0)))
+        source = _source(variant, stage, block, self._images, software)
         self._vertex_array = None
         if self._compute:
             self._program = compile_compute(context, source)
@@ -153,6 +191,8 @@ class ScreenProgram:
         if self._compute:
             for at, name in enumerate(self._writes):
                 outputs[name].bind_to_image(at, read=False, write=True)
+            for name, at in self._images.items():
+                inputs[name].bind_to_image(at, read=True, write=False)
             self._gl.run_compute(self._program, (-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE)))
             self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
                                          | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT

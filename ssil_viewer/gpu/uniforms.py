@@ -29,7 +29,8 @@ Mat4 = Annotated[Any, "mat4"]
 
 
 @cache
-def _members(block: type) -> tuple[tuple[str, str], ...]:
+def members(block: type) -> tuple[tuple[str, str], ...]:
+    """(name, GLSL type) of each member of a block."""
     hints = typing.get_type_hints(block, include_extras=True)
     return tuple((f.name, typing.get_args(hints[f.name])[1]) for f in dataclasses.fields(block))
 
@@ -38,7 +39,7 @@ def _members(block: type) -> tuple[tuple[str, str], ...]:
 def std140_dtype(block: type) -> np.dtype:
     """The numpy structure that matches the block's std140 layout byte for byte."""
     names, formats, offsets, at = [], [], [], 0
-    for name, glsl in _members(block):
+    for name, glsl in members(block):
         scalar, shape, alignment, size = _TYPES[glsl]
         at = -(-at // alignment) * alignment
         names.append(name)
@@ -50,7 +51,7 @@ def std140_dtype(block: type) -> np.dtype:
 
 def glsl_block(block: type, instance: str) -> str:
     """The GLSL declaration: `layout(std140) uniform NAME {...} INSTANCE;`"""
-    lines = [f"    {glsl} {name};" for name, glsl in _members(block)]
+    lines = [f"    {glsl} {name};" for name, glsl in members(block)]
     return "\n".join([f"layout(std140) uniform {block.__name__} {{", *lines, f"}} {instance};"])
 
 
@@ -58,7 +59,7 @@ def pack(value: Any) -> bytes:
     """The block's bytes. Matrices are given row by row as numpy has them and stored column-major."""
     block = type(value)
     record = np.zeros((), std140_dtype(block))
-    for name, glsl in _members(block):
+    for name, glsl in members(block):
         member = getattr(value, name)
         record[name] = np.asarray(member).T if glsl.startswith("mat") else member
     return record.tobytes()

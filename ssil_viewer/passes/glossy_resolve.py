@@ -30,7 +30,7 @@ class GlossyResolve(ScreenPass):
              "history": Read.of("reflection@previous", optional=True)}
     writes = {"reflection": Target("rgb9e5", "radiance reflected for a reflectance of 1, mean over frames, "
                                    "W m^-2 sr^-1", history=True, exists=glossy_exists)}
-    uniforms = {"texel": "float", "taps": "int"}
+    uniforms = {"texel": "float"}
 
     def enabled(self, settings: Settings) -> bool:
         return uses_glossy(settings)
@@ -39,4 +39,4 @@ class GlossyResolve(ScreenPass):
         start = frame.settings.start_level
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
         omit = {"irradiance", "motion", "previous_surface", "history"} if not frame.settings.temporal else set()
-        yield Dispatch(0, {"texel": float(2**start), "taps": 3}, (chosen,), frozenset(omit))
+        yield Dispatch(0, {"texel": float(2**start)}, (chosen,), frozenset(omit))

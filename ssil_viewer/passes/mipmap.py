@@ -28,7 +28,7 @@ class Mipmap(ScreenPass):
     extends = ("surface",)
     writes = {"winner": Target("index8", "which of its four finer texels a texel kept, x + 2 y, and in the "
                                       "upper six bits the share of its footprint that lies on that surface", "coarse")}
-    uniforms = {"texel": "float", "neighbours": "int"}
+    uniforms = {"texel": "float"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -38,9 +38,8 @@ class Mipmap(ScreenPass):
         voted = frame.settings.mip_filter == "vote"
         for level in range(1, frame.settings.last_level + 1):
             omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
-            # texel: width of a texel that is read, in level-0 pixels. The number of neighbours is a uniform so that
-            # compilers keep the loop: unrolled, it took one of them over a second.
-            yield Dispatch(level, {"texel": float(2 ** (level - 1)), "neighbours": 8}, (chosen,), omit)
+            # texel: width of a texel that is read, in level-0 pixels
+            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit)
 
 
 class MipmapRadiance(ScreenPass):

@@ -52,6 +52,6 @@ class Upsample(ScreenPass):
                 omit |= {"gather", "near"}
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
-            # The window, 5x5, is a uniform so that compilers keep the loop: unrolled it takes them long
-            yield Dispatch(level, {"texel": float(2**level), "window": 25}, tuple(defines), frozenset(omit),
+            # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
+            yield Dispatch(level, {"texel": float(2**level), "window": 5}, tuple(defines), frozenset(omit),
                            {"upsample": irradiance_of(frame.bounce)})
