@@ -1,12 +1,17 @@
 // Rays against the triangles of a scene: what scene/triangle_tree.py builds and gpu/triangle_tables.py uploads.
 // Tables are rows of TABLE_WIDTH texels. MASKED: some triangles have holes.
 
+#ifndef FLOAT_TABLE
+#define FLOAT_TABLE sampler2D
+#define FLOAT_TEXEL(table, at) texelFetch(table, at, 0)
+#endif
+
 const int TABLE_BITS = 12;
 const int TABLE_WIDTH = 1 << TABLE_BITS;
 
-vec4 fetch_row_major(sampler2D table, int index) {
-    return texelFetch(table, ivec2(index & (TABLE_WIDTH - 1), index >> TABLE_BITS), 0);
-}
+ivec2 table_place(int index) { return ivec2(index & (TABLE_WIDTH - 1), index >> TABLE_BITS); }
+
+vec4 fetch_row_major(FLOAT_TABLE table, int index) { return FLOAT_TEXEL(table, table_place(index)); }
 
 // Where a ray from `from` along `along` meets a triangle: (distance over the length of `along`, barycentric u, v).
 // A third below 0: it does not. Edges belong to both of their triangles, so that no ray slips through between them.
@@ -38,7 +43,7 @@ int wrapped_texel(float coordinate, int count, int wrap) {
 
 // Whether a masked triangle has a hole at barycentric coordinates; three texels for each in `corners`, two for each mask
 // in `masks` (gpu/triangle_tables.py).
-bool is_hole(sampler2D corners, sampler2D masks, sampler2D alphas, int triangle, float u, float v) {
+bool is_hole(FLOAT_TABLE corners, FLOAT_TABLE masks, sampler2D alphas, int triangle, float u, float v) {
     vec4 a = fetch_row_major(corners, triangle * 3);
     vec4 b = fetch_row_major(corners, triangle * 3 + 1);
     vec4 c = fetch_row_major(corners, triangle * 3 + 2);
@@ -48,16 +53,16 @@ bool is_hole(sampler2D corners, sampler2D masks, sampler2D alphas, int triangle,
     if (image.y > 0.0) {
         int width = int(image.y);
         int texel = wrapped_texel(here.x, width, int(wraps.x)) + width * wrapped_texel(here.y, int(image.z), int(wraps.y));
-        here.z *= fetch_row_major(alphas, int(image.x) * TABLE_WIDTH + texel).r;
+        here.z *= texelFetch(alphas, table_place(int(image.x) * TABLE_WIDTH + texel), 0).r;
     }
     return here.z < image.w;
 }
 #endif
 
 // Whether a triangle lies between two points. Space: that of the triangles.
-bool triangles_block(sampler2D nodes, sampler2D triangles,
+bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #ifdef MASKED
-                     sampler2D corners, sampler2D masks, sampler2D alphas,
+                     FLOAT_TABLE corners, FLOAT_TABLE masks, sampler2D alphas,
 #endif
                      int node_count, vec3 from, vec3 to) {
     vec3 along = to - from;
@@ -99,9 +104,9 @@ struct Met {
     vec3 normal;        // counter-clockwise front
 };
 
-Met nearest_triangle(sampler2D nodes, sampler2D triangles,
+Met nearest_triangle(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #ifdef MASKED
-                     sampler2D corners, sampler2D masks, sampler2D alphas,
+                     FLOAT_TABLE corners, FLOAT_TABLE masks, sampler2D alphas,
 #endif
                      int node_count, vec3 from, vec3 along) {
     vec3 held = mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20)));

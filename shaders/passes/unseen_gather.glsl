@@ -1,5 +1,5 @@
 // Light from what the image does not show. Far from the receiver: rays to drawn senders, each to one of several candidates,
-// in proportion to what they would bring. Closer than `near`, where senders are too far apart: rays of random directions,
+// in proportion to what they would bring. Closer than `near_reach`, where senders are too far apart: rays of random directions,
 // and the light of what they meet.
 //   side: texels per side of the senders.
 #include "lib/lobe.glsl"
@@ -33,7 +33,7 @@ Candidate look_at_sender(ivec2 at, vec3 position) {
     vec3 offset = place.xyz - position;
     float squared = dot(offset, offset);
     vec3 direction = offset * inversesqrt(max(squared, 1e-20)), normal = decode_direction16(power.w);
-    float factor = squared < near * near ? 0.0 : max(-dot(normal, direction), 0.0) / squared;
+    float factor = squared < near_reach * near_reach ? 0.0 : max(-dot(normal, direction), 0.0) / squared;
     return Candidate(place.xyz, normal, direction, power.rgb * factor);
 }
 
@@ -80,7 +80,7 @@ void gather_near(vec3 position, vec3 normal, float lift, float share, inout uint
     float u = unit_float(random);
     random = hash(random);
     vec3 direction = cosine_direction(normal, u, unit_float(random));
-    vec3 radiance = unseen_radiance(position + normal * lift, direction * near, random);
+    vec3 radiance = unseen_radiance(position + normal * lift, direction * near_reach, random);
     // Density: cosine over pi
     float cosine = max(dot(normal, direction), 1e-4);
     receive(direction, cosine, radiance * (PI / cosine * share), sum);

@@ -17,6 +17,9 @@ from ssil_viewer.gpu.targets import FORMATS, TargetSet
 from ssil_viewer.gpu.uniforms import glsl_block, members
 
 Stage = Literal["compute", "fragment"]
+FLOAT_TABLE = "float_table"
+"""Type of a table of four floats a texel that shaders read by FLOAT_TEXEL(texture_NAME, at) alone, and hand over to
+functions as FLOAT_TABLE."""
 GROUP_SIZE = 8  # threads per side of a compute group: 64 threads suit the waves of all makers
 
 FULL_SCREEN_VERTEX = """#version 330 core
@@ -70,7 +73,14 @@ def declare_reads(variant: Variant, images: dict[str, int] | None = None) -> lis
         lines += [f"#define HAS_{name.upper()}", f"uniform {form.sampler} texture_{name};",
                   f"{form.glsl} load_{name}(ivec2 px) {{ return {form.load.format(fetch)}; }}",
                   f"ivec2 size_{name}() {{ return {size}; }}"]
-    lines += [f"uniform {sampler} texture_{name};" for name, sampler in variant.tables]
+    tables = [name for name, kind in variant.tables if kind == FLOAT_TABLE]
+    if images and all(name in images for name in tables):
+        lines += ["#define FLOAT_TABLE readonly image2D", "#define FLOAT_TEXEL(table, at) imageLoad(table, at)"]
+        lines += [_declare_image("readonly", f"texture_{name}", "rgba32f", images[name]) for name in tables]
+    else:
+        lines += ["#define FLOAT_TABLE sampler2D", "#define FLOAT_TEXEL(table, at) texelFetch(table, at, 0)"]
+        lines += [f"uniform sampler2D texture_{name};" for name in tables]
+    lines += [f"uniform {kind} texture_{name};" for name, kind in variant.tables if kind != FLOAT_TABLE]
     lines += [f"uniform {kind} {name};" for name, kind in variant.uniforms]
     return lines
 
@@ -127,6 +137,13 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
 
+def _image_units(variant: Variant, units: int) -> dict[str, int]:
+    """Which inputs of a compute shader are read through which image: float tables all or none, then targets."""
+    tables = [name for name, kind in variant.tables if kind == FLOAT_TABLE]
+    free = range(len(variant.writes), units)
+    return dict(zip([*(tables if len(tables) <= len(free) else []), *(name for name, _ in variant.reads)], free))
+
+
 class ScreenProgram:
     """One compiled variant of a screen pass.
 
@@ -145,9 +162,10 @@ class ScreenProgram:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
-        inputs = [name for name, _ in variant.reads] if self._compute else []
         # Image unit of each input that is read through one: outputs have the first ones
-        self._images = dict(zip(inputs, range(len(variant.writes), self._gl.image_units() if software else 0)))
+        self._images: dict[str, int] = {}
+        if self._compute and software:
+            self._images = _image_units(variant, self._gl.image_units())
         source = _source(variant, stage, block, self._images, software)
         self._vertex_array = None
         if self._compute:
@@ -160,7 +178,7 @@ class ScreenProgram:
         self._units: dict[str, int] = {}
         for name, _ in (*variant.reads, *variant.tables):
             # The compiler drops what a variant does not use; a unit is spent on what is left only.
-            if f"texture_{name}" in self._program:
+            if f"texture_{name}" in self._program and name not in self._images:
                 self._units[name] = len(self._units)
                 self._program[f"texture_{name}"].value = self._units[name]
         self._writes = [name for name, _ in variant.writes]
@@ -192,7 +210,8 @@ class ScreenProgram:
             for at, name in enumerate(self._writes):
                 outputs[name].bind_to_image(at, read=False, write=True)
             for name, at in self._images.items():
-                inputs[name].bind_to_image(at, read=True, write=False)
+                if name in inputs:      # a table that this variant does without
+                    inputs[name].bind_to_image(at, read=True, write=False)
             self._gl.run_compute(self._program, (-(-size[0] // GROUP_SIZE), -(-size[1] // GROUP_SIZE)))
             self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
                                          | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT

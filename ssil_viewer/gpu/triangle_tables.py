@@ -13,12 +13,16 @@ import numpy as np
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.memory import allocating
+from ssil_viewer.gpu.screen_program import FLOAT_TABLE
 from ssil_viewer.scene.model import Scene
 from ssil_viewer.scene.surfels import TriangleColors
 from ssil_viewer.scene.triangle_tree import TriangleTree, build_tree
 from ssil_viewer.scene.triangles import Mask, SceneTriangles
 
 TABLE_WIDTH = 4096      # shaders/lib/triangle_tree.glsl
+TABLE_KINDS = {**dict.fromkeys(("nodes", "triangles", "triangle_colors", "corners", "masks"), FLOAT_TABLE),
+               "alphas": "sampler2D"}
+"""Every table there may be, and what shaders declare it as."""
 _MOST_TRIANGLES = 2**24     # floats count no farther
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 
@@ -71,6 +75,7 @@ class GpuTriangles:
 
     Attributes:
         textures: By their names in shaders, without "texture_".
+        kinds: What shaders declare each as.
         node_count, masked: As of the tables.
 
     Raises:
@@ -87,6 +92,10 @@ class GpuTriangles:
         except UserError:
             self.release()
             raise
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        return {name: TABLE_KINDS[name] for name in self.textures}
 
     def release(self) -> None:
         """Free the textures."""

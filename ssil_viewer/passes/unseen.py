@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
+from ssil_viewer.gpu.triangle_tables import TABLE_KINDS
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
@@ -16,8 +17,8 @@ UNSEEN = frozenset({"unseen"})
 _RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part
 _CANDIDATES = 16        # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
-_LIGHT = {**dict.fromkeys(("nodes", "triangles", "corners", "masks", "alphas", "triangle_colors", "lights",
-                           "shadow_tiles", "environment_irradiance"), "sampler2D"), "shadow_atlas": "sampler2DShadow"}
+_LIGHT = {**TABLE_KINDS, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
+          "environment_irradiance": "sampler2D"}
 _LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
 
 
@@ -124,13 +125,13 @@ class UnseenGather(_UnseenPass):
     tables = _LIGHT
     writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
                                "start", exists=gathers_unseen)}
-    uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "near": "float",
+    uniforms = {"texel": "float", "side": "int", "rays": "int", "candidates": "int", "near_reach": "float",
                 **_LIGHT_UNIFORMS}
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
         level = frame.settings.start_level
         yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
-                               "candidates": _CANDIDATES, "near": frame.unseen.near, **_light_uniforms(frame)},
+                               "candidates": _CANDIDATES, "near_reach": frame.unseen.near, **_light_uniforms(frame)},
                        _light_defines(frame))
 
 

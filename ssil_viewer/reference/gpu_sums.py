@@ -216,7 +216,7 @@ class ProgressiveReference:
         if self._triangles is not None:
             reads.append(("ends", _TEXEL))
             inputs |= {"ends": self._ends.texture("ends", self._level)} | self._triangles.textures
-            tables = tuple((name, "sampler2D") for name in self._triangles.textures)
+            tables = tuple(self._triangles.kinds.items())
             defines += [("RAYS", ""), ("LIFT", f"{LIFT:.9f}"), *([("MASKED", "")] if self._triangles.masked else [])]
             uniforms["node_count"], types["node_count"] = self._triangles.node_count, "int"
         variant = Variant("reference/sum.glsl", tuple(reads), tables, tuple((name, _TEXEL) for name in names),
