@@ -37,6 +37,9 @@ Candidate look_at_sender(ivec2 at, vec3 position) {
     return Candidate(place.xyz, normal, direction, power.rgb * factor);
 }
 
+// Cheaper than a hash; its upper bits are random enough within one ray (Knuth's and Lewis's generator).
+uint next_random(uint x) { return x * 1664525u + 1013904223u; }
+
 // What a back gets counts for less: few pixels ask for it.
 const float BACK = 0.25;
 
@@ -49,15 +52,16 @@ void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint 
     Candidate chosen;
     float total = 0.0, chosen_weight = 0.0;
     int count = side * side;
+    random = hash(random);
     for (int i = 0; i < candidates; ++i) {
-        random = hash(random);
+        random = next_random(random);
         // One of each part of the senders, whose neighbours lie close together
         float at = (float(i) + unit_float(random)) / float(candidates);
         int index = min(int(at * float(count)), count - 1);
         Candidate c = look_at_sender(ivec2(index % side, index / side), position);
         float weight = importance(c, normal);
         total += weight;
-        random = hash(random);
+        random = next_random(random);
         if (weight > 0.0 && unit_float(random) * total < weight) {
             chosen = c;
             chosen_weight = weight;
