@@ -25,8 +25,9 @@ from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
-from ssil_viewer.pipeline import SceneFrame, settings_for
+from ssil_viewer.pipeline import settings_for
 from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
+from ssil_viewer.scene_frame import SceneFrame
 from ssil_viewer.settings import Settings
 
 # Sides are halved until they are below this: what is drawn does not matter, and costs nothing then

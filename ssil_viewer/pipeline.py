@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Callable, ContextManager, Iterable, Literal, Sequence
 
 import moderngl
@@ -23,49 +22,15 @@ from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.unseen_senders import UnseenSenders
-from ssil_viewer.pass_runner import Frame, FrameError, PassRunner
+from ssil_viewer.pass_runner import FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
 from ssil_viewer.passes.unseen import gathers_unseen
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
+from ssil_viewer.scene_frame import SceneFrame
 from ssil_viewer.settings import Settings
-
-
-@dataclass(kw_only=True)
-class SceneFrame(Frame):
-    """What passes that rasterize see of the frame, beside what all passes see."""
-
-    lights: LightTable
-    shadows_stale: bool
-    drawer: SceneDrawer
-    unseen: UnseenSenders | None = None
-
-    def draw_gbuffer(self, writes: tuple[tuple[str, str], ...]) -> None:
-        """Rasterize the scene's materials into the bound framebuffer."""
-        self.drawer.draw_gbuffer(writes)
-        self.runner.unbind()    # the drawer binds textures of its own
-
-    def draw_depth(self, clip_from_world: bytes) -> None:
-        """Rasterize the scene's depth from another view into the bound framebuffer."""
-        self.drawer.draw_depth(clip_from_world)
-        self.runner.unbind()
-
-    def draw_voxels(self, writes: tuple[tuple[str, str], ...], slices: int, covered: tuple[float, float],
-                    solid: bool) -> None:
-        """Rasterize the scene's voxels into the bound framebuffer; arguments as of `SceneDrawer.draw_solids`.
-
-        Args:
-            solid: Fill the inside of solid bodies; otherwise surfaces alone.
-        """
-        depth_range = self.runner.targets.texture("depth_range")
-        if solid:
-            with self.runner.gl.logic_operation("xor"):
-                self.drawer.draw_solids(writes, slices, covered, depth_range)
-        with self.runner.gl.logic_operation("or"):
-            self.drawer.draw_open(writes, slices, covered, depth_range, solids=not solid)
-        self.runner.unbind()
 
 
 def settings_for(passes: Iterable[Pass], scene: Scene | None, settings: Settings) -> Settings:

@@ -8,7 +8,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import SceneFrame
+    from ssil_viewer.scene_frame import SceneFrame
 
 
 class Direct(ScreenPass):

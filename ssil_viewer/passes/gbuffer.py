@@ -10,7 +10,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Pass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import SceneFrame
+    from ssil_viewer.scene_frame import SceneFrame
 
 
 class GBuffer(Pass):

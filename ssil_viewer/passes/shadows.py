@@ -9,7 +9,7 @@ import moderngl
 from ssil_viewer.passes.base import Pass
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import SceneFrame
+    from ssil_viewer.scene_frame import SceneFrame
 
 
 class Shadows(Pass):

@@ -11,7 +11,7 @@ from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import SceneFrame
+    from ssil_viewer.scene_frame import SceneFrame
 
 UNSEEN = frozenset({"unseen"})
 _RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part

@@ -12,7 +12,7 @@ from ssil_viewer.passes.base import Pass, Read
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pipeline import SceneFrame
+    from ssil_viewer.scene_frame import SceneFrame
 
 
 def uses_voxels(settings: Settings) -> bool:

@@ -28,8 +28,9 @@ def test_furnace(stage, make_renderer):
     """In a box that glows all around every surface gets pi L, wherever the camera looks."""
     room = scenes.box((0, 0, 0), (2, 2, 4), 1, inward=True)
     camera = Camera(eye=(0.3, 0.2, 0.5), target=(0.5, 0, -2), vertical_fov=1.0)
-    lit, alone = (make_renderer(scenes.scene(room, (BLACK, GLOWING)), (160, 96), stage, **QUICK, radius=96.0,
-                                unseen_samples=samples) for samples in (16, 0))
+    # A disc and rings that reach across the image
+    lit, alone = (make_renderer(scenes.scene(room, (BLACK, GLOWING)), (160, 96), stage, **QUICK | {"samples": 256},
+                                radius=192.0, unseen_samples=samples) for samples in (8, 0))
     render_frames(lit, camera)
     render_frames(alone, camera)
     assert mean(alone).mean() < 0.8 * np.pi * RADIANCE
@@ -62,19 +63,19 @@ def test_nothing_comes_through_what_stands_between(make_renderer):
 
 
 def test_what_the_image_shows_does_not_count_twice(make_renderer):
-    """All that shines is in view: unseen light adds next to nothing, whatever the angle."""
+    """All that shines is in view: unseen light adds nothing but where an edge falls into a pixel."""
     wall = scenes.rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
     floor = scenes.rectangle((-1, -1, 2), (2, 0, 0), (0, 0, -2), 1)
     camera = Camera(eye=(0, 1.0, 4.0), target=(0, -0.3, 0), vertical_fov=1.0)
-    for step in np.linspace(0, 1, 3):
+    for step in (0.0, 0.25, 0.5):
         found = {}
         moved = replace(camera, eye=(step, 1.0 - 1.8 * step, 4.0))
-        for samples in (0, 16):
+        for samples in (0, 8):
             renderer = make_renderer(scenes.scene((wall, floor), (Material(specular=0.0), GLOWING)), (160, 96), **QUICK,
                                      radius=96.0, unseen_samples=samples)
             render_frames(renderer, moved, 2)
             found[samples] = mean(renderer).mean()
-        assert found[16] == pytest.approx(found[0], rel=0.02)
+        assert found[8] == pytest.approx(found[0], rel=0.015)
 
 
 @pytest.mark.parametrize("light", [
