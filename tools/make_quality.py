@@ -65,7 +65,7 @@ def measure(name: str, source: str, data: dict) -> None:
     settings = load_preset(PRESET)
     view = dict(size=SIZE, settings=settings, camera=camera, frames=FRAMES, progress=_say(name))
     done = compare(scene, effort=EFFORT, trace=trace, **view)
-    compare_all(scene, done, **view)
+    compare_all(scene, done, timed_frames=3, **view)
     done.result["scene"] = name
     data["comparisons"][name] = done.result
     if name == SERIES:
