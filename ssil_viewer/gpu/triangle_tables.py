@@ -59,8 +59,8 @@ class TriangleTables:
         triangles = SceneTriangles.of(scene, moved)
         every = np.concatenate([triangles.solid, triangles.masked])
         if len(every) > _MOST_TRIANGLES:
-            raise UserError(f"a scene of {len(every)} triangles is too large for R2 on the GPU", scene.name,
-                            f"take R1, or at most {_MOST_TRIANGLES} triangles")
+            raise UserError(f"a scene of {len(every)} triangles is too large for rays in shaders", scene.name,
+                            f"at most {_MOST_TRIANGLES} will do")
         tree = build_tree(every)
         texels = {"nodes": _node_texels(tree), "triangles": _triangle_texels(every, tree, len(triangles.solid))}
         if len(triangles.masked):
@@ -87,7 +87,7 @@ class GpuTriangles:
         self.textures: dict[str, moderngl.Texture] = {}
         try:
             for name, texels in tables.texels.items():
-                with allocating(context, "the triangles of R2", tables.name, "take R1, or a smaller scene"):
+                with allocating(context, "the triangles that rays meet", tables.name, "use a smaller scene"):
                     self.textures[name] = _table(context, texels)
         except UserError:
             self.release()
