@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 UNSEEN = frozenset({"unseen"})
 _RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part
-_CANDIDATES = 16       # of each ray: measured, see docs/method/unseen.md
+_CANDIDATES = 8         # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
 _LIGHT = {**TABLE_KINDS, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
           "environment_irradiance": "sampler2D"}

@@ -41,7 +41,8 @@ def check_settings(settings: Settings) -> None:
 
 def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settings: Settings,
                 camera: Camera | None = None, frames: int = 16, timed_frames: int | None = None,
-                progress: Progress = lambda what, share: None, context: moderngl.Context | None = None) -> None:
+                simpler_at_equal_time: bool = False, progress: Progress = lambda what, share: None,
+                context: moderngl.Context | None = None) -> None:
     """Compare simpler methods and our visibility modes with the references of a comparison of the same view.
 
     The result gets a key `methods`, and the pictures each method's image, by its name; see docs/compare.md. The time to
@@ -51,6 +52,7 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
         done: What `compare` returned for the other arguments.
         frames: Frames rendered before the result is taken.
         timed_frames: Frames of each time that count; None takes those of `tune`.
+        simpler_at_equal_time: Bring simpler methods alone to the time to meet, and leave our other modes as they are.
 
     Raises:
         UserError: No OpenGL, not one bounce, or not enough memory.
@@ -60,7 +62,7 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
     context = context or create_headless_context()
     try:
         _ComparingAll(context, scene, done, size, settings, camera or default_camera(scene), frames, timed_frames,
-                      progress).run()
+                      simpler_at_equal_time, progress).run()
     finally:
         if own:
             context.release()
@@ -70,10 +72,12 @@ class _ComparingAll:
     """One comparison; its parts share what is here."""
 
     def __init__(self, context: moderngl.Context, scene: Scene, done: Comparison, size: tuple[int, int],
-                 settings: Settings, camera: Camera, frames: int, timed_frames: int | None, progress: Progress) -> None:
+                 settings: Settings, camera: Camera, frames: int, timed_frames: int | None,
+                 simpler_at_equal_time: bool, progress: Progress) -> None:
         self._context, self._scene, self._done, self._size = context, scene, done, size
         self._settings, self._camera, self._frames, self._progress = settings, camera, frames, progress
         self._timed_frames = timed_frames
+        self._simpler_at_equal_time = simpler_at_equal_time
         self._target_name = f"ssil_{settings.visibility}"
         self._target_ms = self._target_ms_after = 0.0
         self._picture: metrics.TruePicture | None = None
@@ -94,7 +98,8 @@ class _ComparingAll:
                 if method is target:
                     self._target_ms = self._rows[target.name]["ms"]
             for method in methods:
-                self._compare_at_equal_time(renderer, method, self._our_light)
+                if method is target or not (self._simpler_at_equal_time and method.is_ours):
+                    self._compare_at_equal_time(renderer, method, self._our_light)
             self._check_drift(renderer, target)
         peer = GroundTruthOcclusion()
         with self._renderer(occlusion_frame(peer), occlusion_settings(self._settings)) as renderer:

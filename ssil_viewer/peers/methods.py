@@ -46,6 +46,11 @@ class Method:
     fixed: bool = False
 
     @property
+    def is_ours(self) -> bool:
+        """Whether it is one of the viewer's modes, not a simpler method."""
+        return self.name.startswith("ssil_")
+
+    @property
     def work(self) -> int:
         """Slices of ambient occlusion, samples of everything else."""
         return self.occlusion.slices if self.occlusion else self.settings.samples
