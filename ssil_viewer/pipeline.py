@@ -66,6 +66,7 @@ class Renderer:
         self._environment_maps: EnvironmentMaps | None = None
         self._gpu_scene: GpuScene | None = None
         self._unseen: UnseenSenders | None = None
+        self._moved = False
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
         self._lights_moved = True
@@ -121,6 +122,7 @@ class Renderer:
         if self._gpu_scene is not None:
             self._gpu_scene.release()
         self._forget_unseen()
+        self._moved = False
         self._gpu_scene = fresh
         self._drawer.set_scene(fresh)
         self.scene = scene
@@ -182,6 +184,7 @@ class Renderer:
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
         self._gpu_scene.move(index, world_from_object)
+        self._moved = True
 
     def set_settings(self, settings: Settings) -> None:
         """Change settings; drops what the change invalidates and nothing else.
@@ -284,6 +287,8 @@ class Renderer:
         found = []
         if names := self._light_table.unshadowed:
             found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
+        if self._unseen is not None and self._moved:
+            found.append("unseen light comes from moved objects as if they were where the scene's file has them")
         solids = self._gpu_scene.solids if self._gpu_scene is not None else None
         if solids is not None and (names := solids.open_meshes):
             which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"

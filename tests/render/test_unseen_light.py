@@ -110,6 +110,15 @@ def test_it_can_be_switched_while_it_runs_and_survives_a_change_of_scene(make_re
         assert ("unseen" in renderer.buffers()) == (samples > 0)
 
 
+def test_it_tells_that_it_does_not_follow_what_moves(make_renderer):
+    renderer = make_renderer(scenes.cornell(), (32, 32), **QUICK, unseen_samples=1)
+    renderer.render(scenes.CORNELL_CAMERA)
+    assert not renderer.warnings
+    renderer.move_instance(0, np.diag((0.9, 0.9, 0.9, 1.0)))
+    renderer.render(scenes.CORNELL_CAMERA)
+    assert any("moved" in warning for warning in renderer.warnings)
+
+
 def test_a_scene_without_triangles(make_renderer):
     renderer = make_renderer(scenes.scene((), ()), (16, 16), **QUICK, unseen_samples=4)
     renderer.render(scenes.CORNELL_CAMERA)
