@@ -58,6 +58,8 @@ class Renderer:
                  stage: Literal["auto", "compute", "fragment"] = "auto", keep: Iterable[str] = (),
                  passes: Sequence[Callable[[], Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
+        if gathers_unseen(settings):
+            self._runner.set_features({"unseen"})   # until a scene comes that has no surfaces
         self.context = context
         self._settings = settings
         self.scene: Scene | None = None
@@ -113,17 +115,22 @@ class Renderer:
     def set_scene(self, scene: Scene) -> None:
         """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
+        unseen = None
         try:
-            self._runner.set_settings(settings_for(self._runner.passes, scene, self._settings))
+            settings = settings_for(self._runner.passes, scene, self._settings)
+            unseen = self._unseen_senders(scene, fresh.origin, settings)
+            self._runner.set_settings(settings)
+            self._set_feature("unseen", unseen is not None)
             self.set_environment(scene.environment)
         except UserError:
+            if unseen is not None:
+                unseen.release()
             fresh.release()
             raise
-        if self._gpu_scene is not None:
-            self._gpu_scene.release()
-        self._forget_unseen()
-        self._moved = False
-        self._gpu_scene = fresh
+        for former in (self._gpu_scene, self._unseen):
+            if former is not None:
+                former.release()
+        self._gpu_scene, self._unseen, self._moved = fresh, unseen, False
         self._drawer.set_scene(fresh)
         self.scene = scene
         self.set_lights(scene.lights)
@@ -146,7 +153,7 @@ class Renderer:
         if environment is not None:
             fresh = EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
         try:
-            self._runner.set_features(self._features(fresh is not None, self._unseen is not None))
+            self._set_feature("environment", fresh is not None)
         except UserError:
             if fresh is not None:
                 fresh.release()
@@ -156,30 +163,15 @@ class Renderer:
         self._environment_maps, self.environment = fresh, environment
         self.reset_history()
 
-    @staticmethod
-    def _features(environment: bool, unseen: bool) -> set[str]:
-        return ({"environment"} if environment else set()) | ({"unseen"} if unseen else set())
+    def _set_feature(self, name: str, there: bool) -> None:
+        """Tell the passes whether the scene has something. Raises UserError when their targets cannot be allocated."""
+        self._runner.set_features(self._runner.features | {name} if there else self._runner.features - {name})
 
-    def _meet_unseen(self) -> None:
-        """Make what the passes of unseen light read, once they are on: it takes long, so no earlier.
-
-        Raises:
-            UserError: It does not fit into memory; the passes stay off then.
-        """
-        if self._unseen is None and gathers_unseen(self.settings) and self.scene.triangle_count:
-            unseen = UnseenSenders(self.context, self.scene, self.origin)
-            try:
-                self._runner.set_features(self._features(self.environment is not None, True))
-            except UserError:
-                unseen.release()
-                raise
-            self._unseen = unseen
-
-    def _forget_unseen(self) -> None:
-        if self._unseen is not None:
-            self._unseen.release()
-            self._unseen = None
-            self._runner.set_features(self._features(self.environment is not None, False))
+    def _unseen_senders(self, scene: Scene, origin: np.ndarray, settings: Settings) -> UnseenSenders | None:
+        """What the passes of unseen light read, if they are on: making it takes long. Raises UserError."""
+        if not (gathers_unseen(settings) and scene.triangle_count):
+            return None
+        return UnseenSenders(self.context, scene, origin)
 
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
@@ -194,7 +186,19 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        self._runner.set_settings(settings_for(self._runner.passes, self.scene, settings))
+        in_force = settings_for(self._runner.passes, self.scene, settings)
+        made = None
+        if self.scene is not None and self._unseen is None:
+            made = self._unseen_senders(self.scene, self.origin, in_force)
+        try:
+            self._runner.set_settings(in_force)
+            if made is not None:
+                self._set_feature("unseen", True)
+        except UserError:
+            if made is not None:
+                made.release()
+            raise
+        self._unseen = made or self._unseen
         self._settings = settings
         self._lights_moved |= shadows_change
 
@@ -217,7 +221,6 @@ class Renderer:
         """
         if self.scene is None:
             raise FrameError("render needs a scene: call set_scene first")
-        self._meet_unseen()
         gpu_scene, lights = self._gpu_scene, self._light_table
         view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds, self._runner.band)
         with self._runner.frame():

@@ -155,8 +155,8 @@ class Settings:
         "Light of the last frame is sent on: all further bounces for the price of one, a frame apart. Needs bounces "
         "and the temporal filter; bounces beyond the first are not gathered then.", affects="resources")] = False
     unseen_samples: Annotated[int, Knob(
-        "Rays per texel of the starting level for light from surfaces that the image does not show: outside of it, "
-        "behind the camera, behind other things. They are traced against the scene's triangles, which no "
+        "Pairs of rays per texel of the starting level for light from surfaces that the image does not show: outside "
+        "of it, behind the camera, behind other things. They are traced against the scene's triangles, which no "
         "screen-space method does; 0 switches them off. Cost grows in proportion.",
         0, 32, affects="resources", group="Unseen light")] = 0
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(

@@ -1,5 +1,5 @@
 // Light of surfaces that the image may not show, at points of world space. Needs the tables of lights and of triangles, and the
-// uniforms `punctual_lights`, `node_count` and `random_seed`. ENVIRONMENT: there is one.
+// uniforms `punctual_lights`, `node_count`, `extent` (the scene's, in metres) and `random_seed`. ENVIRONMENT: there is one.
 #include "lib/lights.glsl"
 #include "lib/hash.glsl"
 #include "lib/hemisphere.glsl"
@@ -37,19 +37,19 @@ vec3 direct_irradiance(vec3 position, vec3 n) {
 // whatever the environment's light does in the directions that are blocked.
 vec3 environment_light(uint random, vec3 position, vec3 n) {
     vec3 away = cosine_direction(n, unit_float(random), unit_float(hash(random)));
-    float reach = 2.0 * (length(position) + frame.far);
+    float reach = length(position) + extent;
     if (triangles_block(texture_nodes, texture_triangles,
 #ifdef MASKED
                         texture_corners, texture_masks, texture_alphas,
 #endif
-                        node_count, position + (n + away) * (1e-5 * frame.far), position + away * reach)) return vec3(0.0);
+                        node_count, position + (n + away) * (1e-5 * extent), position + away * reach)) return vec3(0.0);
     vec3 normal = environment_direction(n, frame.environment_turn);
     return environment_irradiance(texture_environment_irradiance, normal) * frame.environment_strength;
 }
 #endif
 
 // Radiance that a Lambertian surface sends on, from direct light, environment and emission.
-vec3 sent_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emission) {
+vec3 lambert_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emission) {
     vec3 irradiance = direct_irradiance(position, n);
 #ifdef ENVIRONMENT
     irradiance += environment_light(random, position, n);
@@ -59,7 +59,7 @@ vec3 sent_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emissio
 
 // Whether the image shows a surface at a point of view space, so that the gather has its light already. Needs the read
 // `image_surface`.
-bool is_seen(vec3 position, vec3 n) {
+bool is_shown(vec3 position, vec3 n) {
     float depth = -position.z;
     vec3 to_camera = -position;
     float facing = dot(n, to_camera);
@@ -92,8 +92,8 @@ vec3 unseen_radiance(vec3 from, vec3 along, uint random) {
     bool back = dot(n, way) > 0.0;
     if (back && colors.w < 0.0) return vec3(0.0);
     if (back) n = -n;
-    if (is_seen(from + along * met.at, mat3(frame.view_from_world) * n)) return vec3(0.0);
+    if (is_shown(from + along * met.at, mat3(frame.view_from_world) * n)) return vec3(0.0);
     int code = int(abs(colors.w)) - 1;
     vec3 albedo = vec3(code & 255, (code >> 8) & 255, code >> 16) * (1.0 / 255.0);
-    return sent_radiance(random, start + way * met.at, n, albedo * albedo, colors.rgb);
+    return lambert_radiance(hash(random), start + way * met.at, n, albedo * albedo, colors.rgb);
 }

@@ -12,7 +12,7 @@ struct Mirror {
 // Roughness of the surface that a texel kept: the mean over four of its pixels, as far as they lie on it. Negative where
 // nothing reflects.
 float roughness_of(ivec2 px, Surface surface, vec3 position) {
-    ivec2 last = textureSize(texture_image_surface, 0) - 1;
+    ivec2 last = size_image_surface() - 1;
     float sum = 0.0, total = 0.0;
     for (int i = 0; i < 4; ++i) {
         vec2 corner = vec2(px) + (vec2(i & 1, i >> 1) * 0.5 + 0.25);

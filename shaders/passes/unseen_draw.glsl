@@ -31,7 +31,7 @@ void shade(ivec2 px) {
     vec4 radiance = load_radiance(at), place = texelFetch(texture_surfel_position, at, 0);
     if (radiance.a <= 0.0) return;
     vec3 normal = mat3(frame.view_from_world) * texelFetch(texture_surfel_normal, at, 0).xyz;
-    out_unseen_position = vec4((frame.view_from_world * vec4(place.xyz, 1.0)).xyz, place.w);
+    out_unseen_position = vec4((frame.view_from_world * vec4(place.xyz, 1.0)).xyz, 0.0);
     // Area over (count times probability), where the probability is the share of the sum
     out_unseen_power = vec4(radiance.rgb * (place.w * total / (count * radiance.a)), encode_direction16(normal));
 }

@@ -23,7 +23,7 @@ void shade(ivec2 px) {
     Mirror mirror = mirror_of(roughness, position, normal);
     vec3 from = position * (1.0 - LIFT_) + normal * (LIFT_ * surface.view_depth);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 29u));
-    float reach = 2.0 * (length(position) + frame.far);
+    float reach = length(to_world(position)) + extent;
     vec3 sum = vec3(0.0);
     for (int i = 0; i < rays; ++i) {
         random = hash(random);

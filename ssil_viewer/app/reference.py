@@ -105,8 +105,8 @@ class WindowReference:
         return self.on and (self.preparing or (self._sums is not None and (self._stale or not self._sums.done)))
 
     def settings(self, settings: Settings) -> Settings:
-        """What the renderer gets: with one bounce while a reference is on, since that is what references have."""
-        return replace(settings, bounces=1, feedback=False) if self.on else settings
+        """What the renderer gets: one bounce of what the image shows while a reference is on, as references have."""
+        return replace(settings, bounces=1, feedback=False, unseen_samples=0) if self.on else settings
 
     # -- once a turn ---------------------------------------------------------------------------------------------------
 

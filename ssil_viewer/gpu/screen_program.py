@@ -98,11 +98,14 @@ def declare_fragment_writes(writes: tuple[tuple[str, str], ...]) -> tuple[list[s
 def _copied_uniforms(variant: Variant, block: type) -> list[str]:
     """GLSL of `read_uniforms()`, and of the copies that it makes, by whose names what follows reads all but arrays."""
     loose = [(name, kind) for name, kind in variant.uniforms if "[" not in name]
-    fields = " ".join(f"{glsl} {name};" for name, glsl in members(block))
-    copied = [*(name for name, _ in loose), *(f"frame.{name}" for name, _ in members(block))]
-    return [f"struct Copied{block.__name__} {{ {fields} }};", f"Copied{block.__name__} copied_frame;",
+    # A member may have the name of a loose uniform, which the definitions below replace there, too
+    taken = {name for name, _ in loose}
+    fields = {name: f"copied_{name}" if name in taken else name for name, _ in members(block)}
+    body = " ".join(f"{glsl} {fields[name]};" for name, glsl in members(block))
+    return [f"struct Copied{block.__name__} {{ {body} }};", f"Copied{block.__name__} copied_frame;",
             *(f"{kind} copied_{name};" for name, kind in loose),
-            "void read_uniforms() {", *(f"    copied_{name} = {name};" for name in copied), "}",
+            "void read_uniforms() {", *(f"    copied_{name} = {name};" for name, _ in loose),
+            *(f"    copied_frame.{field} = frame.{name};" for name, field in fields.items()), "}",
             *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in loose)))]
 
 
@@ -176,9 +179,11 @@ class ScreenProgram:
         if block.__name__ in self._program:
             self._program[block.__name__].binding = 0
         self._units: dict[str, int] = {}
+        tables = dict(variant.tables)
         for name, _ in (*variant.reads, *variant.tables):
-            # The compiler drops what a variant does not use; a unit is spent on what is left only.
-            if f"texture_{name}" in self._program and name not in self._images:
+            # The compiler drops what a variant does not use; a unit is spent on what is left only. Targets may be read
+            # through their image and through the sampler, which library functions take.
+            if f"texture_{name}" in self._program and not (name in self._images and name in tables):
                 self._units[name] = len(self._units)
                 self._program[f"texture_{name}"].value = self._units[name]
         self._writes = [name for name, _ in variant.writes]

@@ -54,13 +54,11 @@ class TriangleTables:
         Raises:
             UserError: The triangles are too many.
         """
+        check_triangle_count(scene)
         moved = np.eye(4)
         moved[:3, 3] = -origin
         triangles = SceneTriangles.of(scene, moved)
         every = np.concatenate([triangles.solid, triangles.masked])
-        if len(every) > _MOST_TRIANGLES:
-            raise UserError(f"a scene of {len(every)} triangles is too large for rays in shaders", scene.name,
-                            f"at most {_MOST_TRIANGLES} will do")
         tree = build_tree(every)
         texels = {"nodes": _node_texels(tree), "triangles": _triangle_texels(every, tree, len(triangles.solid))}
         if len(triangles.masked):
@@ -68,6 +66,13 @@ class TriangleTables:
         if colors is not None:
             texels["triangle_colors"] = _color_texels(colors, tree)
         return TriangleTables(texels, len(tree.low), len(triangles.masked) > 0, scene.name)
+
+
+def check_triangle_count(scene: Scene) -> None:
+    """Raises UserError if the triangles are too many."""
+    if scene.triangle_count > _MOST_TRIANGLES:
+        raise UserError(f"a scene of {scene.triangle_count} triangles is too large for rays in shaders", scene.name,
+                        f"at most {_MOST_TRIANGLES} will do")
 
 
 class GpuTriangles:

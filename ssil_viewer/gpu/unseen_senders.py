@@ -7,10 +7,11 @@ import math
 import moderngl
 import numpy as np
 
+from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.memory import allocating
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.gpu.targets import SURFEL_SIDE
-from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables
+from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables, check_triangle_count
 from ssil_viewer.scene.model import Scene
 from ssil_viewer.scene.surfels import spread_surfels, triangle_colors
 
@@ -27,8 +28,9 @@ class UnseenSenders:
 
     Attributes:
         textures: By their names in shaders, without "texture_": `surfel_position` (the area in alpha), `surfel_normal`,
-            `surfel_albedo` and `surfel_emission`, 2^LEVELS texels a side in Z-order; and those of `GpuTriangles`.
+            `surfel_albedo` and `surfel_emission`, SURFEL_SIDE texels a side in Z-order; and those of `GpuTriangles`.
         node_count, masked: Of the triangles' tree.
+        extent: Metres, the diagonal of the scene's box: so far away can anything be.
         near: Metres. What is closer to a receiver than this is found by rays of random directions: surfels are too far
             apart to stand for it.
 
@@ -37,9 +39,17 @@ class UnseenSenders:
     """
 
     def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray) -> None:
-        surfels = spread_surfels(scene, origin, SURFEL_SIDE**2)
-        self._triangles = GpuTriangles(context, TriangleTables.of(scene, origin, triangle_colors(scene)))
+        try:
+            check_triangle_count(scene)
+            with allocating(context, "the surfels and triangles of unseen light", scene.name, "--unseen-samples 0"):
+                surfels = spread_surfels(scene, origin, SURFEL_SIDE**2)
+                tables = TriangleTables.of(scene, origin, triangle_colors(scene))
+            self._triangles = GpuTriangles(context, tables)
+        except UserError as error:
+            raise UserError(f"unseen light: {error.what}", error.where, "give --unseen-samples 0") from error
         self.node_count, self.masked = self._triangles.node_count, self._triangles.masked
+        low, high = scene.bounds()
+        self.extent = float(np.linalg.norm(high - low))
         self.near = NEAR_SPACINGS * math.sqrt(float(np.median(surfels.area))) if len(surfels.area) else 0.0
         self._own: dict[str, moderngl.Texture] = {}
         try:

@@ -19,7 +19,7 @@ _CANDIDATES = 8         # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
 _LIGHT = {**TABLE_KINDS, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
           "environment_irradiance": "sampler2D"}
-_LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "random_seed": "int"}
+_LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "extent": "float", "random_seed": "int"}
 
 
 def gathers_unseen(settings: Settings) -> bool:
@@ -44,7 +44,7 @@ def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
 
 def _light_uniforms(frame: SceneFrame) -> dict[str, object]:
     return {"punctual_lights": frame.lights.punctual_count, "node_count": frame.unseen.node_count,
-            "random_seed": _random_seed(frame)}
+            "extent": frame.unseen.extent, "random_seed": _random_seed(frame)}
 
 
 class _UnseenPass(ScreenPass):
@@ -99,8 +99,8 @@ class UnseenDraw(_UnseenPass):
     reads = {"radiance": Read.of("unseen_radiance", offset=None),
              **{f"sums_{level}": Read.of("unseen_sums", offset=level) for level in range(1, SURFEL_BITS + 1)}}
     tables = {"surfel_position": "sampler2D", "surfel_normal": "sampler2D"}
-    writes = {"unseen_position": Target("rgba32f", "position in view space, metres, of a drawn sender; alpha: the area "
-                                        "of its surfel", "drawn_senders", exists=gathers_unseen),
+    writes = {"unseen_position": Target("rgba32f", "position in view space, metres, of a drawn sender", "drawn_senders",
+                                        exists=gathers_unseen),
               "unseen_power": Target("rgba32f", "radiance times the area that a drawn sender stands for; alpha: its "
                                      "normal in view space", "drawn_senders", exists=gathers_unseen)}
     uniforms = {"side": "int", "random_seed": "int"}

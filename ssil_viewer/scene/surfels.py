@@ -13,6 +13,7 @@ from ssil_viewer.scene.triangles import Mask
 # Surfaces that shine get a share of their own, since small ones would otherwise get none
 _SHINING_SHARE = 0.25
 _COLOR_POINTS = 8     # of each triangle
+_COLORS_AT_ONCE = 65536
 # Steps of the two-dimensional low-discrepancy sequence of the plastic number (Roberts 2018)
 _PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -85,20 +86,22 @@ def _spread(scene: Scene, parts: list[_Part], count: int) -> list[Surfels]:
     place = np.arange(1, count + 1)[:, None] * _PLASTIC % 1.0
     found, first = [], 0
     for part, area in zip(parts, areas):
-        mine = (chosen >= first) & (chosen < first + len(area))
-        if mine.any():
-            found.append(_surfels(scene, part, chosen[mine] - first, place[mine], total / count))
+        mine = slice(*np.searchsorted(chosen, (first, first + len(area))))
+        if mine.stop > mine.start:
+            found.append(_surfels(scene, part, chosen[mine] - first, place[mine], total / count, mine.start))
         first += len(area)
     return found
 
 
-def _surfels(scene: Scene, part: _Part, triangle: np.ndarray, place: np.ndarray, area: float) -> Surfels:
+def _surfels(scene: Scene, part: _Part, triangle: np.ndarray, place: np.ndarray, area: float,
+             number: int) -> Surfels:
+    """number: how many surfels were there before: every second one lies on the back of what has two sides."""
     primitive, material = part.primitive, part.material
     weights = _weights(place)
     normal = part.normal_area[triangle]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     if material.double_sided:
-        normal[1::2] *= -1
+        normal[1 - number % 2::2] *= -1
     albedo, emission = _sent(scene, primitive, material, triangle, weights)
     there = np.ones((len(triangle), 1), np.float32)
     if material.alpha_mode != "opaque":
@@ -116,13 +119,13 @@ def _sent(scene: Scene, primitive: Primitive, material: Material, triangle: np.n
     if primitive.colors is not None:
         base = base * np.einsum("nk,nkc->nc", weights, primitive.colors[primitive.indices[triangle], :3])
     if (ref := material.base_color_texture) is not None:
-        base = base * linear_from_srgb(texels_of(scene.images, ref, uv[:, ref.texcoord])[:, :3])
+        base = base * linear_from_srgb(texels_of(scene.images, ref, uv)[:, :3])
     metallic = np.full((len(triangle), 1), material.metallic)
     if (ref := material.metallic_roughness_texture) is not None:
-        metallic = metallic * texels_of(scene.images, ref, uv[:, ref.texcoord])[:, 2:3] / 255.0
+        metallic = metallic * texels_of(scene.images, ref, uv)[:, 2:3] / 255.0
     emission = np.broadcast_to(np.float32(material.emission), (len(triangle), 3))
     if (ref := material.emission_texture) is not None:
-        emission = emission * linear_from_srgb(texels_of(scene.images, ref, uv[:, ref.texcoord])[:, :3])
+        emission = emission * linear_from_srgb(texels_of(scene.images, ref, uv)[:, :3])
     return np.clip(base, 0, 1) * (1 - metallic), emission
 
 
@@ -159,15 +162,24 @@ def triangle_colors(scene: Scene) -> TriangleColors:
 
 
 def _mean_colors(scene: Scene, primitive: Primitive, material: Material) -> tuple[np.ndarray, np.ndarray]:
+    """Means over each triangle; a part of the triangles at a time, since each point takes a hundred bytes."""
     count = len(primitive.indices)
-    triangle = np.repeat(np.arange(count), _COLOR_POINTS)
-    weights = _weights(np.arange(1, len(triangle) + 1)[:, None] * _PLASTIC % 1.0)
+    parts = [_some_mean_colors(scene, primitive, material, np.arange(first, min(first + _COLORS_AT_ONCE, count)))
+             for first in range(0, max(count, 1), _COLORS_AT_ONCE)]
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _some_mean_colors(scene: Scene, primitive: Primitive, material: Material, chosen: np.ndarray
+                      ) -> tuple[np.ndarray, np.ndarray]:
+    triangle = np.repeat(chosen, _COLOR_POINTS)
+    weights = _weights((triangle * _COLOR_POINTS + np.tile(np.arange(1, _COLOR_POINTS + 1), len(chosen)))[:, None]
+                       * _PLASTIC % 1.0)
     albedo, emission = _sent(scene, primitive, material, triangle, weights)
     there = np.ones(len(triangle))
     if material.alpha_mode != "opaque":
         there = 1e-6 + ~Mask(primitive, material, scene.images).is_hole(triangle, weights)
-    share = (there / there.reshape(count, -1).sum(1).repeat(_COLOR_POINTS))[:, None]
-    return tuple(np.float32((values * share).reshape(count, -1, 3).sum(1)) for values in (albedo, emission))
+    share = (there / there.reshape(-1, _COLOR_POINTS).sum(1).repeat(_COLOR_POINTS))[:, None]
+    return tuple(np.float32((values * share).reshape(-1, _COLOR_POINTS, 3).sum(1)) for values in (albedo, emission))
 
 
 def _weights(place: np.ndarray) -> np.ndarray:

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ssil_viewer.scene.geometry import transformed_texcoords
 from ssil_viewer.scene.model import Image, TextureRef, Wrap
-
-
-def transformed_uv(uv: np.ndarray, ref: TextureRef) -> np.ndarray:
-    """Texture coordinates (..., 2) after KHR_texture_transform, float64."""
-    c, s = np.cos(ref.rotation), np.sin(ref.rotation)
-    return (uv.astype(np.float64) * ref.scale) @ np.array([[c, s], [-s, c]]).T + ref.offset
 
 
 def wrapped(texel: np.ndarray, count: int, wrap: Wrap) -> np.ndarray:
@@ -30,8 +25,8 @@ def nearest_texels(pixels: np.ndarray, uv: np.ndarray, wraps: tuple[Wrap, Wrap])
 
 
 def texels_of(images: tuple[Image, ...], ref: TextureRef, uv: np.ndarray) -> np.ndarray:
-    """The stored texels (N, 4) uint8 that a material's texture has at texture coordinates (N, 2) of its set."""
-    return nearest_texels(images[ref.image].pixels, transformed_uv(uv, ref), (ref.wrap_u, ref.wrap_v))
+    """The stored texels (N, 4) uint8 that a material's texture has at texture coordinates (N, 2, 2), both sets."""
+    return nearest_texels(images[ref.image].pixels, transformed_texcoords(uv, ref), (ref.wrap_u, ref.wrap_v))
 
 
 def linear_from_srgb(pixels: np.ndarray) -> np.ndarray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ssil_viewer.scene.geometry import transformed_texcoords
 from ssil_viewer.scene.model import Image, Material, Primitive, Scene
-from ssil_viewer.scene.texels import nearest_texels, transformed_uv
+from ssil_viewer.scene.texels import nearest_texels
 
 LIFT = 3e-4
 """Of the view depth, by which both ends of a ray stand off their surfaces towards the camera: a third of a pixel at 720
@@ -43,7 +44,7 @@ class Mask:
         self.wraps = ("repeat", "repeat")
         if (ref := material.base_color_texture) is not None:
             self.pixels = images[ref.image].pixels[..., 3]
-            self.uv = transformed_uv(primitive.texcoords[:, ref.texcoord], ref)[indices]
+            self.uv = transformed_texcoords(primitive.texcoords, ref)[indices]
             self.wraps = (ref.wrap_u, ref.wrap_v)
 
     def is_hole(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
