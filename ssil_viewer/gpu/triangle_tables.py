@@ -23,7 +23,7 @@ TABLE_WIDTH = 4096      # shaders/lib/triangle_tree.glsl
 TABLE_KINDS = {**dict.fromkeys(("nodes", "triangles", "triangle_colors", "corners", "masks"), FLOAT_TABLE),
                "alphas": "sampler2D"}
 """Every table there may be, and what shaders declare it as."""
-_MOST_TRIANGLES = 2**24     # floats count no farther
+MOST_TRIANGLES = 2**24     # floats count no farther
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 
 
@@ -70,9 +70,9 @@ class TriangleTables:
 
 def check_triangle_count(scene: Scene) -> None:
     """Raises UserError if the triangles are too many."""
-    if scene.triangle_count > _MOST_TRIANGLES:
+    if scene.triangle_count > MOST_TRIANGLES:
         raise UserError(f"a scene of {scene.triangle_count} triangles is too large for rays in shaders", scene.name,
-                        f"at most {_MOST_TRIANGLES} will do")
+                        f"at most {MOST_TRIANGLES} will do")
 
 
 class GpuTriangles:

@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.errors import UserError
+from ssil_viewer.gpu import triangle_tables
+from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.passes.unseen import UnseenLight
-from ssil_viewer.scene.model import Camera, Light, Material
+from ssil_viewer.scene.environment import Environment
+from ssil_viewer.scene.model import Camera, Image, Light, Material, TextureRef
 from tests import scenes
 from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, parallel_form_factor
 
@@ -123,3 +127,91 @@ def test_a_scene_without_triangles(make_renderer):
     renderer = make_renderer(scenes.scene((), ()), (16, 16), **QUICK, unseen_samples=4)
     renderer.render(scenes.CORNELL_CAMERA)
     assert not mean(renderer).any()
+
+
+METAL = Material("metal", base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=0.4)
+
+
+@pytest.mark.parametrize("scale", [1.0, 20.0])
+def test_furnace_in_a_mirror(stage, make_renderer, scale):
+    """A metal wall in a room that glows all around reflects it as it is, however large the room is."""
+    room = scenes.box((0, 0, 0), (2 * scale, 2 * scale, 8 * scale), 1, inward=True)
+    wall = scenes.rectangle((-0.9 * scale, -0.9 * scale, -3.5 * scale), (1.8 * scale, 0, 0), (0, 1.8 * scale, 0), 2)
+    camera = Camera(eye=(0, 0, -2.5 * scale), target=(0, 0, -4 * scale), vertical_fov=0.8)
+    renderer = make_renderer(scenes.scene([*room, wall], (BLACK, GLOWING, METAL)), (96, 96), stage, **QUICK,
+                             unseen_samples=16)
+    render_frames(renderer, camera)
+    middle = renderer.read("glossy")[36:60, 36:60]
+    assert middle.mean() == pytest.approx(RADIANCE, rel=0.05)
+
+
+def surfel_light(renderer):
+    """(512 * 512,) radiance times area of the surfels that the image does not show."""
+    texture = renderer.runner.targets.texture("unseen_radiance")
+    return np.frombuffer(texture.read(), np.float32).reshape(-1, 4)[:, 3]
+
+
+def test_the_sky_lights_what_is_open_to_it(make_renderer):
+    """None of it comes into a closed room, whatever the camera looks at, and all of it onto an open floor."""
+    sky = Environment("even", np.ones((8, 16, 3), np.float32))
+    grey = Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0)
+    room = scenes.scene([*scenes.box((0, 0, 0), (2, 2, 4), 0, inward=True),
+                         *scenes.box((0, 0, 0), (0.5, 0.5, 0.1), 0)], (grey,))
+    for target in ((0, 0, 1.9), (0, 0, 0)):
+        renderer = make_renderer(replace(room, environment=sky), (32, 32), **QUICK, unseen_samples=1)
+        renderer.render(Camera(eye=(0, 0, 1.5), target=target))
+        # But for surfels that lie in an edge of the room, to a millionth of a metre
+        assert surfel_light(renderer).sum() < 1e-3
+    floor = scenes.rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2))
+    renderer = make_renderer(replace(scenes.scene((floor,), (grey,)), environment=sky), (32, 32), **QUICK,
+                             unseen_samples=1)
+    renderer.render(Camera(eye=(0, 1, 0), target=(0, 2, 0.1)))
+    assert surfel_light(renderer).sum() == pytest.approx(0.5 * 4.0, rel=0.01)      # rho E / pi times 4 m^2
+
+
+@pytest.mark.parametrize("visibility", ["off", "voxel", "horizon"])
+def test_both_stages_agree(context, make_renderer, visibility):
+    """With glossy and masked materials, whose lookups take other ways in compute and in fragment shaders."""
+    if not read_capabilities(context).compute:
+        pytest.skip("compute shaders need OpenGL 4.3")
+    box = scenes.cornell()
+    plate = scenes.rectangle((-1, -0.99, 1), (2, 0, 0), (0, 0, -2), 3)
+    leaf = scenes.rectangle((-0.8, -0.9, 0.6), (0.6, 0, 0), (0, 0.8, 0), 4)
+    pixels = np.full((2, 2, 4), 255, np.uint8)
+    pixels[0, 0, 3] = 0
+    mesh = replace(box.meshes[0], primitives=(*box.meshes[0].primitives, plate, leaf))
+    leafy = Material(base_color_texture=TextureRef(0, nearest=True), alpha_mode="mask", double_sided=True)
+    scene = replace(box, meshes=(mesh,), materials=(*box.materials, METAL, leafy), images=(Image("leaf", pixels),))
+    found = {}
+    for stage in ("compute", "fragment"):
+        renderer = make_renderer(scene, (97, 61), stage, **QUICK, visibility=visibility, unseen_samples=2)
+        render_frames(renderer, scenes.CORNELL_CAMERA, 2)
+        found[stage] = renderer.read("final"), renderer.read("glossy")
+    for one, other in zip(found["compute"], found["fragment"]):
+        assert one.mean() > 5e-4
+        # Rounding decides which of two senders is drawn, here and there
+        assert np.abs(one - other).mean() < 2e-3 * one.mean()
+
+
+def test_the_same_seed_gives_the_same_light(make_renderer):
+    found = []
+    for seed in (1, 1, 2):
+        renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK, unseen_samples=1, seed=seed)
+        renderer.render(scenes.CORNELL_CAMERA)
+        found.append(renderer.read("indirect"))
+    assert np.array_equal(found[0], found[1]) and not np.array_equal(found[0], found[2])
+
+
+def test_its_buffer_can_be_asked_for_before_the_first_frame(make_renderer):
+    renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK, unseen_samples=1)
+    renderer.show_buffer("unseen", QUICK["start_level"])
+    renderer.render(scenes.CORNELL_CAMERA)
+
+
+def test_too_many_triangles_leave_everything_as_it_was(make_renderer, monkeypatch):
+    renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK)
+    monkeypatch.setattr(triangle_tables, "MOST_TRIANGLES", 10)
+    with pytest.raises(UserError, match="unseen-samples 0"):
+        renderer.set_settings(replace(renderer.settings, unseen_samples=1))
+    assert renderer.settings.unseen_samples == 0
+    renderer.render(scenes.CORNELL_CAMERA)

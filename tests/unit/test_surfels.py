@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ssil_viewer.scene.model import Image, Instance, Material, Mesh, Scene, TextureRef
-from ssil_viewer.scene.surfels import spread_surfels
+from ssil_viewer.scene.surfels import spread_surfels, triangle_colors
 from tests import scenes
 
 ORIGIN = np.array([1.0, -2.0, 0.5])
@@ -79,3 +81,37 @@ def test_neighbours_in_order_are_neighbours_in_space():
     surfels = spread([FLOOR], [Material()], 4096)
     steps = np.linalg.norm(np.diff(surfels.position, axis=0), axis=1)
     assert np.median(steps) < 0.1       # of random pairs: 1.7 m
+
+
+def test_both_sides_of_many_small_things_send_alike():
+    """However few surfels one of them has."""
+    leaf = Mesh("leaf", (scenes.rectangle((0, 0, 0), (0, 0, 0.1), (0.1, 0, 0)),))
+    placed = []
+    for index in range(500):
+        matrix = np.eye(4)
+        matrix[:3, 3] = (index, 0, 0)
+        placed.append(Instance(f"{index}", 0, matrix))
+    scene = Scene("t", (leaf,), tuple(placed), (Material(double_sided=True),))
+    for count in (500, 1500, 4000):
+        surfels = spread_surfels(scene, ORIGIN, count)
+        assert (surfels.normal[:, 1] > 0).mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_colors_of_triangles_are_means_without_holes():
+    pixels = np.zeros((1, 2, 4), np.uint8)
+    pixels[0, 0] = (255, 188, 0, 255)
+    pixels[0, 1] = (255, 255, 255, 0)
+    masked = Material(base_color_texture=TextureRef(0), alpha_mode="mask", double_sided=True)
+    plain = Material(base_color=(0.2, 0.3, 0.4, 1.0), emission=(1.0, 2.0, 3.0))
+    whole = scenes.scene([FLOOR, scenes.rectangle((0, 1, 0), (1, 0, 0), (0, 0, 1), 1)], [masked, plain])
+    colors = triangle_colors(Scene("t", whole.meshes, whole.instances, whole.materials, (Image("t", pixels),)))
+    # Opaque triangles come first
+    assert np.allclose(colors.albedo[:2], (0.2, 0.3, 0.4)) and np.allclose(colors.emission[:2], (1, 2, 3))
+    assert not colors.double_sided[:2].any() and colors.double_sided[2:].all()
+    # The first of the floor's triangles lies where there is no hole
+    assert np.allclose(colors.albedo[2], (1, 0.5029, 0), atol=1e-3)
+
+
+def test_a_primitive_without_triangles_has_no_colors():
+    empty = replace(FLOOR, indices=np.zeros((0, 3), np.uint32))
+    assert len(triangle_colors(scenes.scene([empty], [Material()])).albedo) == 0
