@@ -84,6 +84,16 @@ def form_factor(studio: Studio) -> Image.Image:
     return tile(panels, 3, (420, 420), (280, 0, 1000, 720))
 
 
+def unseen(studio: Studio) -> Image.Image:
+    """Indirect light from what the image shows, and from all."""
+    studio.aim("builtin:atrium", "nave")
+    panels = []
+    for samples, name in ((0, "what the image shows"), (2, "with unseen light")):
+        studio.render(show="indirect", exposure=1.0, unseen_samples=samples)
+        panels.append((name, studio.picture()))
+    return tile(panels, 2, (480, 270))
+
+
 def upsample(studio: Studio) -> Image.Image:
     """Nearest and bilateral upsampling."""
     studio.aim("builtin:atrium", "hanging")
@@ -167,8 +177,9 @@ def tone_map(studio: Studio) -> Image.Image:
 
 PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "hero.png": hero, "shadows.jpg": shadows, "gbuffer.jpg": gbuffer, "direct.jpg": direct, "mipmap.png": mipmap,
-    "gather.png": gather, "form-factor.jpg": form_factor, "upsample.jpg": upsample, "temporal.jpg": temporal,
-    "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces, "error.jpg": error,
+    "gather.png": gather, "form-factor.jpg": form_factor, "unseen.jpg": unseen, "upsample.jpg": upsample,
+    "temporal.jpg": temporal, "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces,
+    "error.jpg": error,
     "tone-map.jpg": tone_map,
 }
 
