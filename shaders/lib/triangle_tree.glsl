@@ -59,6 +59,17 @@ bool is_hole(FLOAT_TABLE corners, FLOAT_TABLE masks, sampler2D alphas, int trian
 }
 #endif
 
+// One over a ray's direction, without infinities.
+vec3 inverse_of(vec3 along) { return 1.0 / mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20))); }
+
+// Whether a ray passes by a box, or enters it only beyond `most`, a share of its length.
+bool misses_box(vec3 low, vec3 high, vec3 from, vec3 inverse, float most) {
+    vec3 one = (low - from) * inverse, other = (high - from) * inverse;
+    vec3 nearer = min(one, other), farther = max(one, other);
+    float enter = max(max(nearer.x, nearer.y), max(nearer.z, 0.0));
+    return enter > min(min(farther.x, farther.y), min(farther.z, most));
+}
+
 // Whether a triangle lies between two points. Space: that of the triangles.
 bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #ifdef MASKED
@@ -66,16 +77,11 @@ bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #endif
                      int node_count, vec3 from, vec3 to) {
     vec3 along = to - from;
-    vec3 held = mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20)));
-    vec3 inverse = 1.0 / held;
+    vec3 inverse = inverse_of(along);
     int node = 0;
     while (node < node_count) {
         vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
-        vec3 one = (low.xyz - from) * inverse, other = (high.xyz - from) * inverse;
-        vec3 nearer = min(one, other), farther = max(one, other);
-        float enter = max(max(nearer.x, nearer.y), max(nearer.z, 0.0));
-        float leave = min(min(farther.x, farther.y), min(farther.z, 1.0));
-        if (enter > leave) {
+        if (misses_box(low.xyz, high.xyz, from, inverse, 1.0)) {
             node = int(low.w);
             continue;
         }
@@ -109,17 +115,12 @@ Met nearest_triangle(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
                      FLOAT_TABLE corners, FLOAT_TABLE masks, sampler2D alphas,
 #endif
                      int node_count, vec3 from, vec3 along) {
-    vec3 held = mix(along, vec3(1e-20), lessThan(abs(along), vec3(1e-20)));
-    vec3 inverse = 1.0 / held;
+    vec3 inverse = inverse_of(along);
     Met nearest = Met(1.0, -1, vec3(0.0));
     int node = 0;
     while (node < node_count) {
         vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
-        vec3 one = (low.xyz - from) * inverse, other = (high.xyz - from) * inverse;
-        vec3 nearer = min(one, other), farther = max(one, other);
-        float enter = max(max(nearer.x, nearer.y), max(nearer.z, 0.0));
-        float leave = min(min(farther.x, farther.y), min(farther.z, nearest.at));
-        if (enter > leave) {
+        if (misses_box(low.xyz, high.xyz, from, inverse, nearest.at)) {
             node = int(low.w);
             continue;
         }

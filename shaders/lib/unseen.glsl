@@ -9,6 +9,7 @@
 #endif
 
 const float PI = 3.141592653589793;
+const float RAY_LIFT = 3e-4;     // share of the view depth by which rays stand off their surface: LIFT of scene/triangles.py
 
 vec3 direct_irradiance(vec3 position, vec3 n) {
     vec3 irradiance = vec3(0.0);

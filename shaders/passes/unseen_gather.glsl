@@ -5,8 +5,6 @@
 #include "lib/lobe.glsl"
 #include "lib/unseen.glsl"
 
-const float LIFT_ = 3e-4;       // scene/triangles.py
-
 struct Incoming {
     vec3 irradiance, back_irradiance, directions;
     float weights;
@@ -96,8 +94,8 @@ void shade(ivec2 px) {
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     // As in the references, off its surface towards the camera
-    vec3 position = position_from_ray(ray, surface.view_depth) * (1.0 - LIFT_);
-    float lift = LIFT_ * surface.view_depth, share = 1.0 / float(rays);
+    vec3 position = position_from_ray(ray, surface.view_depth) * (1.0 - RAY_LIFT);
+    float lift = RAY_LIFT * surface.view_depth, share = 1.0 / float(rays);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 17u));
     Incoming sum = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     for (int r = 0; r < rays; ++r) {

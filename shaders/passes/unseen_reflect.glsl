@@ -3,8 +3,6 @@
 #include "lib/unseen.glsl"
 #include "passes/glossy_receiver.glsl"
 
-const float LIFT_ = 3e-4;       // scene/triangles.py
-
 // A unit vector about r with a density of (e + 1) / (2 pi) cos^e.
 vec3 lobe_direction(vec3 r, float exponent, float u, float v) {
     float turn = 2.0 * PI * u, height = pow(max(v, 1e-7), 1.0 / (exponent + 1.0));
@@ -21,7 +19,7 @@ void shade(ivec2 px) {
     float roughness = roughness_of(px, surface, position);
     if (roughness < 0.0) return;
     Mirror mirror = mirror_of(roughness, position, normal);
-    vec3 from = position * (1.0 - LIFT_) + normal * (LIFT_ * surface.view_depth);
+    vec3 from = position * (1.0 - RAY_LIFT) + normal * (RAY_LIFT * surface.view_depth);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 29u));
     float reach = length(to_world(position)) + extent;
     vec3 sum = vec3(0.0);
