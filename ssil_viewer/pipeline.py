@@ -18,15 +18,15 @@ from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.present import Presenter
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
+from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
-from ssil_viewer.gpu.unseen_senders import UnseenSenders
 from ssil_viewer.pass_runner import FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
-from ssil_viewer.passes.unseen import gathers_unseen
+from ssil_viewer.passes.rays import traces_rays
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -58,8 +58,8 @@ class Renderer:
                  stage: Literal["auto", "compute", "fragment"] = "auto", keep: Iterable[str] = (),
                  passes: Sequence[Callable[[], Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
-        if gathers_unseen(settings):
-            self._runner.set_features({"unseen"})   # until a scene comes that has no surfaces
+        if traces_rays(settings):
+            self._runner.set_features({"rays"})   # until a scene comes that has no surfaces
         self.context = context
         self._settings = settings
         self.scene: Scene | None = None
@@ -67,7 +67,7 @@ class Renderer:
         self.environment: Environment | None = None
         self._environment_maps: EnvironmentMaps | None = None
         self._gpu_scene: GpuScene | None = None
-        self._unseen: UnseenSenders | None = None
+        self._rays: SceneRays | None = None
         self._moved = False
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
@@ -115,22 +115,22 @@ class Renderer:
     def set_scene(self, scene: Scene) -> None:
         """Upload a scene and take its lights and its environment. On an error the old scene stays."""
         fresh = GpuScene(self.context, scene, self.capabilities.software)
-        unseen = None
+        rays = None
         try:
             settings = settings_for(self._runner.passes, scene, self._settings)
-            unseen = self._unseen_senders(scene, fresh.origin, settings)
+            rays = self._scene_rays(scene, fresh.origin, settings)
             self._runner.set_settings(settings)
-            self._set_feature("unseen", unseen is not None)
+            self._set_feature("rays", rays is not None)
             self.set_environment(scene.environment)
         except UserError:
-            if unseen is not None:
-                unseen.release()
+            if rays is not None:
+                rays.release()
             fresh.release()
             raise
-        for former in (self._gpu_scene, self._unseen):
+        for former in (self._gpu_scene, self._rays):
             if former is not None:
                 former.release()
-        self._gpu_scene, self._unseen, self._moved = fresh, unseen, False
+        self._gpu_scene, self._rays, self._moved = fresh, rays, False
         self._drawer.set_scene(fresh)
         self.scene = scene
         self.set_lights(scene.lights)
@@ -167,11 +167,11 @@ class Renderer:
         """Tell the passes whether the scene has something. Raises UserError when their targets cannot be allocated."""
         self._runner.set_features(self._runner.features | {name} if there else self._runner.features - {name})
 
-    def _unseen_senders(self, scene: Scene, origin: np.ndarray, settings: Settings) -> UnseenSenders | None:
-        """What the passes of unseen light read, if they are on: making it takes long. Raises UserError."""
-        if not (gathers_unseen(settings) and scene.triangle_count):
+    def _scene_rays(self, scene: Scene, origin: np.ndarray, settings: Settings) -> SceneRays | None:
+        """What passes that trace rays read, if there are such: making it takes long. Raises UserError."""
+        if not (traces_rays(settings) and scene.triangle_count):
             return None
-        return UnseenSenders(self.context, scene, origin)
+        return SceneRays(self.context, scene, origin)
 
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
@@ -188,17 +188,17 @@ class Renderer:
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
         in_force = settings_for(self._runner.passes, self.scene, settings)
         made = None
-        if self.scene is not None and self._unseen is None:
-            made = self._unseen_senders(self.scene, self.origin, in_force)
+        if self.scene is not None and self._rays is None:
+            made = self._scene_rays(self.scene, self.origin, in_force)
         try:
             self._runner.set_settings(in_force)
             if made is not None:
-                self._set_feature("unseen", True)
+                self._set_feature("rays", True)
         except UserError:
             if made is not None:
                 made.release()
             raise
-        self._unseen = made or self._unseen
+        self._rays = made or self._rays
         self._settings = settings
         self._lights_moved |= shadows_change
 
@@ -231,10 +231,10 @@ class Renderer:
                               self.capabilities.max_texture_size, self.settings.area_shadow_samples)
                 self._lights_moved = False
             tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
-            tables |= self._unseen.textures if self._unseen else {}
+            tables |= self._rays.textures if self._rays else {}
             frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer,
-                               unseen=self._unseen)
+                               rays=self._rays)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
                 self._draw_view(*self._view_name)
@@ -290,8 +290,8 @@ class Renderer:
         found = []
         if names := self._light_table.unshadowed:
             found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
-        if self._unseen is not None and self._moved:
-            found.append("unseen light comes from moved objects as if they were where the scene's file has them")
+        if self._rays is not None and self._moved:
+            found.append("rays meet moved objects where the scene's file has them")
         solids = self._gpu_scene.solids if self._gpu_scene is not None else None
         if solids is not None and (names := solids.open_meshes):
             which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"
@@ -429,7 +429,7 @@ class Renderer:
         self._light_table.release()
         if self._environment_maps is not None:
             self._environment_maps.release()
-        if self._unseen is not None:
-            self._unseen.release()
+        if self._rays is not None:
+            self._rays.release()
         if self._gpu_scene is not None:
             self._gpu_scene.release()

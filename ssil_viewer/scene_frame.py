@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.scene_draw import SceneDrawer
-from ssil_viewer.gpu.unseen_senders import UnseenSenders
+from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.pass_runner import Frame
 
 
@@ -17,7 +17,7 @@ class SceneFrame(Frame):
     lights: LightTable
     shadows_stale: bool
     drawer: SceneDrawer
-    unseen: UnseenSenders | None = None
+    rays: SceneRays | None = None
 
     def draw_gbuffer(self, writes: tuple[tuple[str, str], ...]) -> None:
         """Rasterize the scene's materials into the bound framebuffer."""

@@ -195,6 +195,10 @@ class Settings:
         "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother "
         "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",
         1, 16, group="Shadows")] = 9
+    shadow_rays: Annotated[bool, Knob(
+        "Where the shadow map of a lamp or the sun shows an edge, a ray against the scene's triangles decides: shadows "
+        "as sharp as the image. The price is that of the rays, for a few pixels in a hundred.",
+        affects="resources", group="Shadows")] = False
     environment_strength: Annotated[float, Knob(
         "Brightness of the environment map, in stops; 0 leaves it as the file has it.",
         -16.0, 16.0, "EV", group="Environment")] = 0.0

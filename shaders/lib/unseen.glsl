@@ -1,15 +1,14 @@
-// Light of surfaces that the image may not show, at points of world space. Needs the tables of lights and of triangles, and the
-// uniforms `punctual_lights`, `node_count`, `extent` (the scene's, in metres) and `random_seed`. ENVIRONMENT: there is one.
+// Light of surfaces that the image may not show, at points of world space. Needs the tables of lights, what
+// lib/scene_rays.glsl needs, and the uniforms `punctual_lights` and `random_seed`. ENVIRONMENT: there is one.
 #include "lib/lights.glsl"
 #include "lib/hash.glsl"
 #include "lib/hemisphere.glsl"
-#include "lib/triangle_tree.glsl"
+#include "lib/scene_rays.glsl"
 #ifdef ENVIRONMENT
 #include "lib/environment.glsl"
 #endif
 
 const float PI = 3.141592653589793;
-const float RAY_LIFT = 3e-4;     // share of the view depth by which rays stand off their surface: LIFT of scene/triangles.py
 
 vec3 direct_irradiance(vec3 position, vec3 n) {
     vec3 irradiance = vec3(0.0);
@@ -39,11 +38,7 @@ vec3 direct_irradiance(vec3 position, vec3 n) {
 vec3 environment_light(uint random, vec3 position, vec3 n) {
     vec3 away = cosine_direction(n, unit_float(random), unit_float(hash(random)));
     float reach = length(position) + extent;
-    if (triangles_block(texture_nodes, texture_triangles,
-#ifdef MASKED
-                        texture_corners, texture_masks, texture_alphas,
-#endif
-                        node_count, position + (n + away) * (1e-5 * extent), position + away * reach)) return vec3(0.0);
+    if (is_blocked(position + (n + away) * (1e-5 * extent), position + away * reach)) return vec3(0.0);
     vec3 normal = environment_direction(n, frame.environment_turn);
     return environment_irradiance(texture_environment_irradiance, normal) * frame.environment_strength;
 }
@@ -76,17 +71,11 @@ bool is_shown(vec3 position, vec3 n) {
     return shown > 0.0 && depth < shown + tolerance;
 }
 
-vec3 to_world(vec3 position) { return (frame.world_from_view * vec4(position, 1.0)).xyz; }
-
 // Radiance of what a ray meets first, where the image does not show it; black where it meets nothing. In view space. Needs the
 // table `triangle_colors`.
 vec3 unseen_radiance(vec3 from, vec3 along, uint random) {
     vec3 start = to_world(from), way = mat3(frame.world_from_view) * along;
-    Met met = nearest_triangle(texture_nodes, texture_triangles,
-#ifdef MASKED
-                               texture_corners, texture_masks, texture_alphas,
-#endif
-                               node_count, start, way);
+    Met met = first_met(start, way);
     if (met.triangle < 0) return vec3(0.0);
     vec4 colors = fetch_row_major(texture_triangle_colors, met.triangle);
     vec3 n = normalize(met.normal);

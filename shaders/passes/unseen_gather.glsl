@@ -68,11 +68,7 @@ void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint 
     if (chosen_weight <= 0.0) return;
     float cosine = dot(normal, chosen.direction);
     vec3 from = to_world(position + normal * (sign(cosine) * lift)), to = to_world(chosen.position + chosen.normal * max(lift, 1e-6 * extent));
-    if (triangles_block(texture_nodes, texture_triangles,
-#ifdef MASKED
-                        texture_corners, texture_masks, texture_alphas,
-#endif
-                        node_count, from, to)) return;
+    if (is_blocked(from, to)) return;
     // Each candidate stands for count / candidates senders
     receive(chosen.direction, cosine, chosen.light * (total / chosen_weight * float(count) / float(candidates) * share), sum);
 }

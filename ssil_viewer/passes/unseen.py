@@ -5,26 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
-from ssil_viewer.gpu.triangle_tables import TABLE_KINDS
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
+from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, RAYS, gathers_unseen, ray_defines, ray_uniforms
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.scene_frame import SceneFrame
 
-UNSEEN = frozenset({"unseen"})
 _RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part
 _CANDIDATES = 8         # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
-_LIGHT = {**TABLE_KINDS, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
+_LIGHT = {**RAY_TABLES, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
           "environment_irradiance": "sampler2D"}
-_LIGHT_UNIFORMS = {"punctual_lights": "int", "node_count": "int", "extent": "float", "random_seed": "int"}
-
-
-def gathers_unseen(settings: Settings) -> bool:
-    """Whether light from unseen surfaces is asked for."""
-    return settings.unseen_samples > 0 and settings.bounces > 0
+_LIGHT_UNIFORMS = {"punctual_lights": "int", "random_seed": "int", **RAY_UNIFORMS}
 
 
 def _random_seed(frame: SceneFrame) -> int:
@@ -37,18 +31,15 @@ def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
     defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
     if frame.has_feature("environment"):
         defines.append(("ENVIRONMENT", ""))
-    if frame.unseen.masked:
-        defines.append(("MASKED", ""))
-    return tuple(defines)
+    return (*defines, *ray_defines(frame))
 
 
 def _light_uniforms(frame: SceneFrame) -> dict[str, object]:
-    return {"punctual_lights": frame.lights.punctual_count, "node_count": frame.unseen.node_count,
-            "extent": frame.unseen.extent, "random_seed": _random_seed(frame)}
+    return {"punctual_lights": frame.lights.punctual_count, "random_seed": _random_seed(frame), **ray_uniforms(frame)}
 
 
 class _UnseenPass(ScreenPass):
-    requires = UNSEEN
+    requires = RAYS
 
     def enabled(self, settings: Settings) -> bool:
         return gathers_unseen(settings)
@@ -131,7 +122,7 @@ class UnseenGather(_UnseenPass):
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
         level = frame.settings.start_level
         yield Dispatch(level, {"texel": float(2**level), "side": DRAWN_SIDE, "rays": frame.settings.unseen_samples,
-                               "candidates": _CANDIDATES, "near_reach": frame.unseen.near, **_light_uniforms(frame)},
+                               "candidates": _CANDIDATES, "near_reach": frame.rays.near, **_light_uniforms(frame)},
                        _light_defines(frame))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,10 +64,11 @@ def describe(scene: Scene, settings: Settings = Settings()) -> Description:
     bsdfs = _Bsdfs(scene, found, notes)
     for instance in scene.instances:
         for primitive in scene.meshes[instance.mesh].primitives:
-            mesh = _mesh(scene, instance, primitive, notes)
-            if mesh is not None:
-                mesh["bsdf"] = bsdfs.index(primitive)
-                found.meshes.append(mesh)
+            for part, mirrored in _parts_by_hand(scene, instance, primitive):
+                mesh = _mesh(scene, instance, part, notes)
+                if mesh is not None:
+                    mesh["bsdf"] = bsdfs.index(part, mirrored)
+                    found.meshes.append(mesh)
     found.lights = [light_description(light, notes) for light in scene.lights]
     if scene.environment is not None:
         found.environment = _environment(scene.environment, settings)
@@ -84,6 +85,21 @@ def camera_description(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
 
 
 # -- geometry ----------------------------------------------------------------------------------------------------------
+
+
+def _parts_by_hand(scene: Scene, instance: Instance, primitive: Primitive) -> list[tuple[Primitive, bool]]:
+    """A primitive, and whether pictures lie on it mirrored; in two where they do so on a part of its triangles alone.
+
+    Models whose halves share one picture have as many triangles of either kind, and a normal map needs to know.
+    """
+    if primitive.tangents is None or scene.materials[primitive.material].normal_texture is None:
+        return [(primitive, False)]
+    hand = np.sign(primitive.tangents[:, 3][primitive.indices].sum(1))
+    if np.linalg.det(instance.world_from_object[:3, :3]) < 0:
+        hand = -hand
+    mirrored = hand < 0
+    return [(replace(primitive, indices=primitive.indices[chosen]), is_mirrored)
+            for chosen, is_mirrored in ((~mirrored, False), (mirrored, True)) if chosen.any()]
 
 
 def _mesh(scene: Scene, instance: Instance, primitive: Primitive, notes: Notes) -> dict[str, Any] | None:
@@ -135,15 +151,18 @@ class _Bsdfs:
         self._scene, self._found, self._notes = scene, found, notes
         self._known: dict[tuple, int] = {}
 
-    def index(self, primitive: Primitive) -> int:
-        """Where in `Description.bsdfs` the material of a primitive is."""
+    def index(self, primitive: Primitive, mirrored: bool) -> int:
+        """Where in `Description.bsdfs` the material of a primitive is.
+
+        Args:
+            mirrored: Whether pictures lie on it mirrored.
+        """
         material = self._scene.materials[primitive.material]
         tint = None
         if primitive.colors is not None and material.base_color_texture is not None:
             tint = tuple(float(c) for c in primitive.colors[:, :3].mean(0).round(6))
             if np.ptp(primitive.colors[:, :3], axis=0).max() > 0:
                 self._notes.add("colours of vertices under a texture are replaced by their mean")
-        mirrored = primitive.tangents is not None and bool((primitive.tangents[:, 3] < 0).mean() > 0.5)
         key = (primitive.material, primitive.colors is not None, tint, mirrored)
         if key not in self._known:
             self._known[key] = len(self._found.bsdfs)

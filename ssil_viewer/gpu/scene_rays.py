@@ -1,4 +1,4 @@
-"""What the passes of unseen light know of the scene: its surfels and its triangles, as textures."""
+"""What passes that trace rays know of the scene: its triangles and, for unseen light, its surfels, as textures."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ NEAR_SPACINGS = 20.0
 close enough together to stand for what is there; but of what is near, few are drawn, and each brings much: at 3 walls
 behind a sunlit curtain were full of blotches, at 20 they are even."""
 
+_ADVICE = "give --unseen-samples 0 --shadow-rays off"
 _FIELDS = ("position", "normal", "albedo", "emission")
 
 
-class UnseenSenders:
-    """Surfels and triangles of a scene, relative to `origin`, as they stand when this is made.
+class SceneRays:
+    """Triangles and surfels of a scene, relative to `origin`, as they stand when this is made.
 
     Attributes:
         textures: By their names in shaders, without "texture_": `surfel_position` (the area in alpha), `surfel_normal`,
             `surfel_albedo` and `surfel_emission`, SURFEL_SIDE texels a side in Z-order; and those of `GpuTriangles`.
         node_count, masked: Of the triangles' tree.
         extent: Metres, the diagonal of the scene's box: so far away can anything be.
-        near: Metres. What is closer to a receiver than this is found by rays of random directions: surfels are too far
-            apart to stand for it.
+        near: Of unseen light, metres. What is closer to a receiver than this is found by rays of random directions:
+            surfels are too far apart to stand for it.
 
     Raises:
         UserError: They do not fit into memory; nothing is allocated then.
@@ -41,19 +42,19 @@ class UnseenSenders:
     def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray) -> None:
         try:
             check_triangle_count(scene)
-            with allocating(context, "the surfels and triangles of unseen light", scene.name, "--unseen-samples 0"):
+            with allocating(context, "the triangles that rays meet", scene.name, _ADVICE):
                 surfels = spread_surfels(scene, origin, SURFEL_SIDE**2)
                 tables = TriangleTables.of(scene, origin, triangle_colors(scene))
             self._triangles = GpuTriangles(context, tables)
         except UserError as error:
-            raise UserError(f"unseen light: {error.what}", error.where, "give --unseen-samples 0") from error
+            raise UserError(f"rays: {error.what}", error.where, _ADVICE) from error
         self.node_count, self.masked = self._triangles.node_count, self._triangles.masked
         low, high = scene.bounds()
         self.extent = float(np.linalg.norm(high - low))
         self.near = NEAR_SPACINGS * math.sqrt(float(np.median(surfels.area))) if len(surfels.area) else 0.0
         self._own: dict[str, moderngl.Texture] = {}
         try:
-            with allocating(context, "the surfels of unseen light", scene.name, "give --unseen-samples 0"):
+            with allocating(context, "the surfels of unseen light", scene.name, _ADVICE):
                 for name in _FIELDS:
                     texels = np.zeros((SURFEL_SIDE**2, 4), np.float32)
                     texels[:len(surfels.area), :3] = getattr(surfels, name)
