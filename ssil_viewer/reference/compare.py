@@ -301,7 +301,9 @@ class _Comparing:
             self._done.warnings.append(f"R3 is left out: {failure}")
             return {}
         self._done.result["seconds"]["R3"] = round(time.perf_counter() - begun, 2)
-        self._done.warnings += [f"approximated in R3: {what}" for what in description.approximations]
+        vector = bool(found["image"].get("vector", True))
+        approximated = description.approximations + ([] if vector else description.scalar_approximations)
+        self._done.warnings += [f"approximated in R3: {what}" for what in approximated]
         self._image(renderer, receivers.visible, found["image"])
         if "irradiance" not in found:
             return {}

@@ -8,21 +8,42 @@ import numpy as np
 
 NAME = "ssil_surface"
 LEAST_ALPHA = 2e-3      # as in brdf_ggx
+LEAST_FACING = 0.01     # as in turned_to_camera of shaders/lib/normals.glsl
 
 _LEAST_SPECULAR = 0.01
 """Without any dielectric reflection Mitsuba's principled metals lose their colour: its index is 1 then."""
 
 
 def surface_as_bsdf(bsdf: dict[str, Any], mirrors: bool, vector: bool) -> dict[str, Any]:
-    """A described bsdf with materials of the type "surface" (see `mitsuba_export`) as what Mitsuba has for them.
+    """A described bsdf (see `mitsuba_export`) as what Mitsuba has for it.
 
     Args:
-        mirrors: Whether they reflect otherwise than as Lambertian ones, too.
+        mirrors: Whether materials of the type "surface" reflect otherwise than as Lambertian ones, too.
         vector: Whether Mitsuba traces many rays at once. For one at a time a BSDF in Python takes fifty times as
-            long as its own ones: then it is Disney's principled material.
+            long as its own ones: then it is a tree of those, and a reflection is Disney's principled material.
     """
+    if not vector:
+        return _own_bsdf(bsdf, mirrors)
+    if bsdf["type"] == "mask":
+        return bsdf | {"bsdf": surface_as_bsdf(bsdf["bsdf"], mirrors, vector)}
+    found: dict[str, Any] = {"type": NAME, "two_sided": False}
+    while "bsdf" in bsdf:
+        if bsdf["type"] == "twosided":
+            found["two_sided"] = True
+        else:
+            found["normal_map"] = bsdf["normalmap"]
+        bsdf = bsdf["bsdf"]
+    if bsdf["type"] == "diffuse":
+        return found | {"base_color": bsdf["reflectance"], "roughness": 1.0, "metallic": 0.0, "dielectric": 0.0,
+                        "mirrors": False}
+    return found | {name: bsdf[name] for name in ("base_color", "roughness", "metallic")} | {
+        "dielectric": float(bsdf["dielectric"]), "mirrors": mirrors}
+
+
+def _own_bsdf(bsdf: dict[str, Any], mirrors: bool) -> dict[str, Any]:
+    """The same as a tree of Mitsuba's own ones."""
     if bsdf["type"] != "surface":
-        inner = {key: surface_as_bsdf(value, mirrors, vector) for key, value in bsdf.items()
+        inner = {key: _own_bsdf(value, mirrors) for key, value in bsdf.items()
                  if key == "bsdf" and isinstance(value, dict)}
         return bsdf | inner
     base, metallic = bsdf["base_color"], bsdf["metallic"]
@@ -31,8 +52,8 @@ def surface_as_bsdf(bsdf: dict[str, Any], mirrors: bool, vector: bool) -> dict[s
         key = "data" if "data" in base else "value"
         dimmed = base | {key: np.multiply(base[key], 1 - metallic).astype(np.float32)}
         return {"type": "diffuse", "reflectance": dimmed | ({} if key == "data" else {key: dimmed[key].tolist()})}
-    if vector or not mirrors:
-        return {"type": NAME, **maps, "dielectric": float(bsdf["dielectric"]), "mirrors": mirrors}
+    if not mirrors:
+        return {"type": NAME, **maps, "dielectric": float(bsdf["dielectric"]), "mirrors": False}
     rough = maps["roughness"]
     rough = rough | {"data": np.maximum(rough["data"], 0.03)} if isinstance(rough, dict) else max(rough, 0.03)
     return {"type": "principled", **maps, "roughness": rough,
@@ -43,8 +64,12 @@ def register(mi) -> None:
     """Makes {"type": "ssil_surface"} known to Mitsuba, whose variant is set.
 
     Textures `base_color`, `roughness` and `metallic`; `dielectric`, the reflectance of non-metals at normal incidence,
-    which fades out from roughness 0.8 to 1; `mirrors`, whether there is anything but the Lambertian part. The front
-    alone reflects.
+    which fades out from roughness 0.8 to 1; `mirrors`, whether there is anything but the Lambertian part; `two_sided`,
+    whether the back reflects, too; `normal_map`, optional, whose third axis is across normal and dP/du.
+
+    Normals are those of shaders/passes/gbuffer.frag.glsl: interpolated and mapped ones that face away from who sees
+    their triangle are turned until they do not, where Mitsuba's own BSDFs are black. Light from behind the triangle
+    does not arrive.
     """
     import drjit as dr
 
@@ -64,10 +89,35 @@ def register(mi) -> None:
             self._base, self._rough, self._metal = (
                 texture(props[name]) for name in ("base_color", "roughness", "metallic"))
             self._dielectric, self._mirrors = float(props.get("dielectric", 0.0)), bool(props.get("mirrors", True))
+            self._two_sided = bool(props.get("two_sided", False))
+            self._normals = texture(props["normal_map"]) if "normal_map" in props else None
             flags = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
+            if self._two_sided:
+                flags |= mi.BSDFFlags.BackSide
             if self._mirrors:
                 flags |= mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.SpatiallyVarying
             self.m_flags, self.m_components = int(flags), [int(flags)]
+
+        def _frame(self, si, active):
+            """The shading frame, wi in it, the triangle's normal on the side of wi, and whether that side reflects."""
+            wi = si.to_world(si.wi)
+            side = dr.select(dr.dot(si.n, wi) < 0, -1.0, 1.0)
+            n = si.sh_frame.n * side
+            if self._normals is not None:
+                mapped = 2 * self._normals.eval_3(si, active) - 1
+                t = dr.normalize(si.dp_du - n * dr.dot(n, si.dp_du))
+                n = dr.normalize(t * mapped.x + dr.cross(n, t) * (side * mapped.y) + n * mapped.z)
+            facing = dr.dot(n, wi)
+            n = dr.normalize(n + wi * dr.maximum(LEAST_FACING - facing, 0))
+            frame = mi.Frame3f(n)
+            return frame, frame.to_local(wi), si.n * side, (side > 0) | self._two_sided
+
+        def _seen(self, si, wo, active):
+            """wi and wo in the shading frame, and whether light goes from one to the other."""
+            frame, wi, triangle, reflects = self._frame(si, active)
+            outward = si.to_world(wo)
+            wo = frame.to_local(outward)
+            return wi, wo, active & reflects & (wi.z > 0) & (wo.z > 0) & (dr.dot(triangle, outward) > 0)
 
         def _parts(self, si, active):
             """Albedo, reflectance at normal incidence, alpha, and the share of samples that the reflection gets."""
@@ -115,40 +165,45 @@ def register(mi) -> None:
 
         def sample(self, ctx, si, sample1, sample2, active=True):
             """A direction by either part."""
-            wi, parts = si.wi, self._parts(si, active)
+            frame, wi, triangle, reflects = self._frame(si, active)
+            parts = self._parts(si, active)
             wo = mi.warp.square_to_cosine_hemisphere(sample2)
             if self._mirrors:
                 distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, parts[2], True)
                 half, _ = distribution.sample(wi, sample2)
                 wo = dr.select(sample1 < parts[3], mi.reflect(wi, half), wo)
+            outward = frame.to_world(wo)
             found = dr.zeros(mi.BSDFSample3f)
-            found.wo, found.eta = wo, 1.0
+            found.wo, found.eta = si.to_local(outward), 1.0
             found.sampled_type, found.sampled_component = mi.UInt32(self.m_flags), mi.UInt32(0)
             found.pdf = self._density(parts, wi, wo)
-            good = active & (wi.z > 0) & (wo.z > 0) & (found.pdf > 0)
+            good = (active & reflects & (wi.z > 0) & (wo.z > 0) & (found.pdf > 0)
+                    & (dr.dot(triangle, outward) > 0))
             value = self._value(parts, wi, wo) / dr.select(good, found.pdf, 1)
             return found, dr.select(good, value, 0)
 
         def eval(self, ctx, si, wo, active=True):
             """The BSDF times the cosine."""
-            good = active & (si.wi.z > 0) & (wo.z > 0)
-            return dr.select(good, self._value(self._parts(si, active), si.wi, wo), 0)
+            wi, wo, good = self._seen(si, wo, active)
+            return dr.select(good, self._value(self._parts(si, active), wi, wo), 0)
 
         def pdf(self, ctx, si, wo, active=True):
             """Of `sample`."""
-            good = active & (si.wi.z > 0) & (wo.z > 0)
-            return dr.select(good, self._density(self._parts(si, active), si.wi, wo), 0)
+            wi, wo, good = self._seen(si, wo, active)
+            return dr.select(good, self._density(self._parts(si, active), wi, wo), 0)
 
         def eval_pdf(self, ctx, si, wo, active=True):
             """Both at once."""
-            good, parts = active & (si.wi.z > 0) & (wo.z > 0), self._parts(si, active)
-            return (dr.select(good, self._value(parts, si.wi, wo), 0),
-                    dr.select(good, self._density(parts, si.wi, wo), 0))
+            wi, wo, good = self._seen(si, wo, active)
+            parts = self._parts(si, active)
+            return dr.select(good, self._value(parts, wi, wo), 0), dr.select(good, self._density(parts, wi, wo), 0)
 
         def traverse(self, callback):
             """Its textures."""
-            for name, texture in (("base_color", self._base), ("roughness", self._rough), ("metallic", self._metal)):
-                callback.put(name, texture, mi.ParamFlags.Differentiable)
+            for name, texture in (("base_color", self._base), ("roughness", self._rough), ("metallic", self._metal),
+                                  ("normal_map", self._normals)):
+                if texture is not None:
+                    callback.put(name, texture, mi.ParamFlags.Differentiable)
 
         def to_string(self):
             """Its name."""

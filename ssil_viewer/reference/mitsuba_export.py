@@ -23,6 +23,11 @@ from ssil_viewer.settings import Settings
 _DIFFUSE_ROUGHNESS = 1.0
 """A dielectric as rough as this is Lambertian, as in shaders/passes/gbuffer.frag.glsl."""
 
+NORMALS_AWAY = ("without LLVM surfaces are black where smooth or mapped normals face away from who sees them, and where "
+                "mapped normals alone face the light")
+PRINCIPLED = ("without LLVM reflections of the image are Disney's principled material, whose diffuse part is not quite "
+              "Lambertian")
+
 
 @dataclass
 class Description:
@@ -37,6 +42,7 @@ class Description:
         masked: Whether some surface has holes.
         mirrors: Whether some surface has more than a Lambertian part: a bsdf of the type "surface".
         approximations: One clause for each thing that Mitsuba shows otherwise.
+        scalar_approximations: What it shows otherwise only where it traces rays one by one: see `mitsuba_bsdf`.
     """
 
     meshes: list[dict[str, Any]] = field(default_factory=list)
@@ -46,6 +52,7 @@ class Description:
     masked: bool = False
     mirrors: bool = False
     approximations: list[str] = field(default_factory=list)
+    scalar_approximations: list[str] = field(default_factory=list)
 
     @property
     def emissive(self) -> bool:
@@ -73,6 +80,9 @@ def describe(scene: Scene, settings: Settings = Settings()) -> Description:
     if scene.environment is not None:
         found.environment = _environment(scene.environment, settings)
     found.approximations = notes.sentences()
+    found.scalar_approximations = [NORMALS_AWAY] if found.meshes else []
+    if found.mirrors:
+        found.scalar_approximations.append(PRINCIPLED)
     return found
 
 
@@ -225,8 +235,6 @@ class _Bsdfs:
         if metallic == 0 and (faded < 1e-6 or (ref is None and mean_roughness >= _DIFFUSE_ROUGHNESS)):
             return {"type": "diffuse", "reflectance": base}
         self._found.mirrors = True
-        self._notes.add("without LLVM reflections of the image are Disney's principled material, whose diffuse part is "
-                        "not quite Lambertian")
         described = {"type": "surface", "base_color": base, "roughness": roughness, "metallic": metallic,
                      "dielectric": dielectric, "mean_dielectric": faded}
         if ref is not None:

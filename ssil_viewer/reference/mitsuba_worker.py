@@ -132,7 +132,12 @@ def _converted(mi, described: dict[str, Any]) -> dict[str, Any]:
 
 
 def render_image(world: World, task: ImageTask, report: Callable[[float], None]) -> dict[str, np.ndarray]:
-    """"image" and "other", (H, W, 3) float32: means over halves of the passes, whose difference is the noise."""
+    """The mean radiance of each pixel.
+
+    Returns:
+        "image", (H, W, 3) float32; "first" and "second", the same from halves of the passes, whose difference is the
+        noise; "spp"; "vector", whether Mitsuba traced many rays at once (see `Description.scalar_approximations`).
+    """
     import mitsuba as mi
     sensor = world.sensor(task.camera)
     depth = -1 if task.bounces is None else task.bounces + 2
@@ -154,7 +159,7 @@ def render_image(world: World, task: ImageTask, report: Callable[[float], None])
             break
     return {"first": (sums[0] / counts[0]).astype(np.float32), "second": (sums[1] / counts[1]).astype(np.float32),
             "image": ((sums[0] + sums[1]) / sum(counts)).astype(np.float32),
-            "spp": np.array(sum(counts) * task.spp_of_pass)}
+            "spp": np.array(sum(counts) * task.spp_of_pass), "vector": np.array(_is_vector())}
 
 
 # -- irradiance --------------------------------------------------------------------------------------------------------

@@ -220,6 +220,29 @@ def test_normal_maps(sign):
     assert abs(traced(flat, CAMERA, 0).sum() / traced(scene, CAMERA, 0).sum() - 1) > 0.1, "the map matters"
 
 
+@pytest.mark.parametrize("normal_map", [False, True], ids=("smooth", "mapped"))
+def test_normals_that_face_away_from_the_camera(normal_map):
+    """Smooth normals of coarse shapes do so at rims: such places are lit in both, as if turned to who sees them."""
+    if working_variant() == VARIANT:
+        pytest.skip("needs an LLVM that Mitsuba likes: its own materials are black there")
+    normals = FLOOR.normals + np.float32((0, 0, -4)) * (FLOOR.positions[:, :1] > 0)
+    tangents = np.tile(np.float32((1, 0, 0, 1)), (len(FLOOR.positions), 1))
+    plane = replace(FLOOR, normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+                    tangents=tangents if normal_map else None)
+    sun = Light("directional", intensity=3.0, direction=(0.0, -0.8, 0.6))
+    tilted = replace(WHITE, normal_texture=TextureRef(0), normal_scale=0.4) if normal_map else WHITE
+    scene = scenes.scene((plane,), (tilted,), (sun,))
+    if normal_map:
+        pixels = np.zeros((4, 4, 4), np.uint8)
+        pixels[...] = (150, 190, 220, 255)
+        scene = replace(scene, images=(Image("tilt", pixels),))
+    ratio, median = direct_error(scene, CAMERA, variant=working_variant())
+    assert ratio == pytest.approx(1, abs=0.01)
+    assert median < 0.01
+    seen = headless.render(scene, size=SIZE, camera=CAMERA, settings=Settings(bounces=0))["direct"].sum(-1) > 0
+    assert (traced(scene, CAMERA, 0, variant=working_variant()).sum(-1)[seen] > 0).mean() > 0.99
+
+
 def test_vertex_colors_and_mirrored_instances():
     rng = np.random.default_rng(3)
     floor = scenes.rectangle((-2, 0, 2), (4, 0, 0), (0, 0, -4), steps=8)

@@ -106,24 +106,60 @@ def test_rough_materials_are_lambertian():
     assert dict(material_counts(describe(floor(replace(DOUBLE, specular=1.0, roughness=1.0))))) == {"diffuse": 1}
 
 
-@pytest.mark.parametrize("mirrors, vector, kind", [
-    (True, True, "ssil_surface"), (True, False, "principled"), (False, True, "diffuse"), (False, False, "diffuse")])
-def test_materials_that_reflect(mirrors, vector, kind):
-    """The viewer's own material where many rays are traced at once, and its Lambertian part wherever that is wanted."""
-    material = replace(DOUBLE, specular=1.0, roughness=0.4, metallic=0.25, base_color=(0.4, 0.8, 0.2, 1.0))
-    found = describe(floor(material))
+REFLECTING = replace(DOUBLE, specular=1.0, roughness=0.4, metallic=0.25, base_color=(0.4, 0.8, 0.2, 1.0))
+
+
+@pytest.mark.parametrize("mirrors, kind", [(True, "principled"), (False, "diffuse")])
+def test_materials_that_reflect_ray_by_ray(mirrors, kind):
+    """Disney's material, and the viewer's Lambertian part wherever that is wanted."""
+    found = describe(floor(REFLECTING))
     assert found.mirrors
-    bsdf = surface_as_bsdf(found.bsdfs[0], mirrors, vector)
+    bsdf = surface_as_bsdf(found.bsdfs[0], mirrors, vector=False)
     assert (bsdf["type"], bsdf["bsdf"]["type"]) == ("twosided", kind)
     if not mirrors:
         assert bsdf["bsdf"]["reflectance"]["value"] == pytest.approx((0.3, 0.6, 0.15))
-    mapped = floor(replace(material, metallic_roughness_texture=TextureRef(0)))
+    mapped = floor(replace(REFLECTING, metallic_roughness_texture=TextureRef(0)))
     mapped = describe(replace(mapped, images=(picture(200),)))
-    inner = surface_as_bsdf(mapped.bsdfs[0], mirrors, vector)["bsdf"]
+    inner = surface_as_bsdf(mapped.bsdfs[0], mirrors, vector=False)["bsdf"]
     # A map of metal needs the product of two textures, which Mitsuba's diffuse BSDF does not have
     assert inner["type"] == ("ssil_surface" if kind == "diffuse" else kind)
     assert inner["metallic"]["data"][0, 0] == pytest.approx(0.25 * 200 / 255)
     assert not describe(floor(DOUBLE)).mirrors
+
+
+@pytest.mark.parametrize("material, mirrors", [(REFLECTING, True), (REFLECTING, False), (DOUBLE, True)])
+def test_the_viewer_s_own_material_where_many_rays_are_traced_at_once(material, mirrors):
+    mapped = replace(material, normal_texture=TextureRef(0), alpha_mode="mask", base_color_texture=TextureRef(0))
+    scene = replace(floor(mapped), images=(picture(200),))
+    bsdf = surface_as_bsdf(describe(scene).bsdfs[0], mirrors, vector=True)
+    assert bsdf["type"] == "mask", "holes are Mitsuba's own"
+    inner = bsdf["bsdf"]
+    assert inner["type"] == "ssil_surface" and inner["two_sided"] and inner["normal_map"]["data"].shape[2] == 3
+    assert inner["mirrors"] == (mirrors and material is REFLECTING)
+    assert inner["metallic"] == material.metallic
+    one_sided = surface_as_bsdf(describe(floor(replace(material, double_sided=False))).bsdfs[0], mirrors, vector=True)
+    assert not one_sided["two_sided"] and "normal_map" not in one_sided
+
+
+def test_triangles_with_mirrored_pictures_are_told_apart():
+    """Half of a model is often the other's mirror image, and shares its picture."""
+    material = replace(DOUBLE, normal_texture=TextureRef(0))
+    scene = replace(floor(material), images=(picture(200),))
+    plane = scene.meshes[0].primitives[0]
+    corners = {name: getattr(plane, name)[plane.indices.ravel()] for name in ("positions", "normals", "texcoords")}
+    apart = replace(plane, indices=np.arange(6, dtype=np.uint32).reshape(2, 3), **corners)
+    tangents = np.tile(np.float32((1, 0, 0, 1)), (6, 1))
+    tangents[3:, 3] = -1
+    both = replace(scene, meshes=(replace(scene.meshes[0], primitives=(replace(apart, tangents=tangents),)),))
+    found = describe(both)
+    assert [len(mesh["faces"]) for mesh in found.meshes] == [1, 1]
+    plain, mirrored = (found.bsdfs[mesh["bsdf"]]["bsdf"]["normalmap"]["data"] for mesh in found.meshes)
+    assert mirrored[..., [0, 2]] == pytest.approx(plain[..., [0, 2]])
+    assert mirrored[..., 1] == pytest.approx(1 - plain[..., 1])
+    (instance,) = both.instances
+    swapped = describe(replace(both, instances=(replace(instance, world_from_object=np.diag((-1.0, 1, 1, 1))),)))
+    assert [len(mesh["faces"]) for mesh in swapped.meshes] == [1, 1]
+    assert swapped.meshes[0]["positions"] == pytest.approx(found.meshes[1]["positions"] * (-1, 1, 1)), "hands change"
 
 
 def test_colours_of_vertices():
