@@ -351,7 +351,8 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
-        variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
+        tables = tuple((name, kind) for name, kind in screen_pass.tables.items() if name not in dispatch.omit)
+        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
         return variant, inputs, outputs
 

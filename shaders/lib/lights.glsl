@@ -102,10 +102,11 @@ bool plane_slope(Tile tile, vec3 position, vec3 n, float texel, out vec2 slope) 
     return true;
 }
 
-// Share of a punctual light that arrives: 16 texels of one tile. Each comparison has the depth of the receiver's own plane
-// there, so that moving the receiver off its surface by a part of a texel is enough against acne: at grazing light an
-// offset moves the shadow's edge by many times as much.
-float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n, vec3 wi) {
+// Share of a punctual light that arrives: 16 texels of one tile. triangle: the unit normal of the receiver's own triangle,
+// which n, smoothed and mapped, is not. Each comparison has the depth of that plane there, so that moving the receiver off
+// its surface by a part of a texel is enough against acne: at grazing light an offset moves the shadow's edge by many times
+// as much.
+float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n, vec3 triangle, vec3 wi) {
     if (light.first_tile < 0) return 1.0;
     int tile = light.first_tile;
     if (light.kind == LIGHT_POINT) {
@@ -118,7 +119,7 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
     float texel = light.kind == LIGHT_DIRECTIONAL ? sizes.y : sizes.x * length(position - light.position);
     Tile view = fetch_tile(tiles, tile);
     vec2 slope;
-    bool followed = plane_slope(view, position, n, texel, slope);
+    bool followed = plane_slope(view, position, triangle, texel, slope);
     float sine = sine_of(clamp(dot(n, wi), 0.0, 1.0));
     vec3 moved = position + n * (texel * (followed ? 0.25 + 0.25 * sine : 0.5 + 2.0 * sine));
     return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, slope);
@@ -171,7 +172,7 @@ float area_size(AreaLight light) {
 const int AREA_TILES = 3;   // of each point: they cover the side to which it emits
 
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
-float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 position, vec3 n) {
+float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 position, vec3 n, vec3 triangle) {
     if (light.first_tile < 0) return 1.0;
     float part = area_size(light) / (AREA_PI * float(light.shadow_points));
     float lit = 0.0, total = 0.0;
@@ -206,7 +207,7 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         Tile view = fetch_tile(tiles, best);
         vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
         vec2 slope;
-        plane_slope(view, moved, n, texel, slope);
+        plane_slope(view, moved, triangle, texel, slope);
         lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
         total += weight;
     }

@@ -18,7 +18,7 @@ vec3 direct_irradiance(vec3 position, vec3 n) {
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0)
-            irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, wi));
+            irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, n, wi));
     }
 #ifdef AREA_LIGHTS
     for (int i = punctual_lights; i < frame.light_count; ++i) {
@@ -26,7 +26,7 @@ vec3 direct_irradiance(vec3 position, vec3 n) {
         float gathered = area_irradiance(light, position, n);
         if (gathered > 0.0)
             irradiance += light.radiance
-                        * (gathered * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n));
+                        * (gathered * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, n));
     }
 #endif
     return irradiance;

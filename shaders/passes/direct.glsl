@@ -3,6 +3,9 @@
 // neighbouring surface receives.
 #include "lib/brdf.glsl"
 #include "lib/lights.glsl"
+#ifdef SHADOW_RAYS
+#include "lib/scene_rays.glsl"
+#endif
 #ifdef HAS_SKY
 #include "lib/bilateral.glsl"
 #include "lib/environment.glsl"
@@ -49,6 +52,17 @@ vec3 environment_background(vec2 ray) {
 const float MOST_SENT_ON = 0.95;
 #endif
 
+#ifdef SHADOW_RAYS
+// Share of a light that arrives by a ray, where the shadow map leaves any of it. A triangle that faces away from the light
+// keeps the map's answer, whose soft edge hides where smooth normals and triangles disagree.
+float traced(float mapped, Light light, vec3 position, vec3 triangle, vec3 wi, float view_depth) {
+    float facing = dot(triangle, wi);
+    if (mapped <= 0.0 || light.first_tile < 0 || facing <= 0.0) return mapped;
+    vec3 end = light.kind == LIGHT_DIRECTIONAL ? position + wi * (length(position) + extent) : light.position;
+    return is_blocked(position + triangle * (RAY_LIFT * view_depth), end) ? 0.0 : 1.0;
+}
+#endif
+
 void shade(ivec2 px) {
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) {
@@ -70,6 +84,8 @@ void shade(ivec2 px) {
     vec3 n = normalize(world_rotation * surface.normal);
     vec3 wo = normalize(world_rotation * -position_vs);
 
+    // Shadow maps hold triangles: neither smoothed nor mapped normals tell where their planes run
+    vec3 triangle = normalize(world_rotation * decode_direction16(load_motion(px).w));
     vec3 irradiance = vec3(0.0), highlight = vec3(0.0);
     for (int i = 0; i < punctual_lights; ++i) {
         Light light = fetch_light(texture_lights, i);
@@ -77,7 +93,11 @@ void shade(ivec2 px) {
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
-            incoming *= n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, wi);
+            float lit = shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, triangle, wi);
+#ifdef SHADOW_RAYS
+            lit = traced(lit, light, position, triangle, wi, surface.view_depth);
+#endif
+            incoming *= n_dot_l * lit;
             irradiance += incoming;
             highlight += incoming * brdf_ggx(specular.rgb, specular.a, n, wo, wi);
         }
@@ -87,7 +107,7 @@ void shade(ivec2 px) {
         AreaLight light = fetch_area_light(texture_lights, i);
         float gathered = area_irradiance(light, position, n);
         if (gathered <= 0.0) continue;
-        vec3 seen = light.radiance * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n);
+        vec3 seen = light.radiance * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, triangle);
         vec3 to_point = representative_point(light, position, reflect(-wo, n));
         irradiance += seen * gathered;
         highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, normalize(to_point), gathered,

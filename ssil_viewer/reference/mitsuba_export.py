@@ -23,8 +23,8 @@ from ssil_viewer.settings import Settings
 _DIFFUSE_ROUGHNESS = 1.0
 """A dielectric as rough as this is Lambertian, as in shaders/passes/gbuffer.frag.glsl."""
 
-NORMALS_AWAY = ("without LLVM surfaces are black where smooth or mapped normals face away from who sees them, and where "
-                "mapped normals alone face the light")
+NORMALS_AWAY = ("without LLVM surfaces are black where smooth or mapped normals face away from who sees them, and "
+                "where mapped normals alone face the light")
 PRINCIPLED = ("without LLVM reflections of the image are Disney's principled material, whose diffuse part is not quite "
               "Lambertian")
 

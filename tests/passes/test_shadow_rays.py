@@ -1,0 +1,87 @@
+"""Shadows by rays against the scene's triangles, beside those of shadow maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssil_viewer.scene.model import Image, Material, TextureRef
+from tests import scenes
+from tests.passes.test_direct_light import BLOCKER, CAMERA, PLAIN, SHADOWING, SIZE, WALL, render, wall_points
+
+COARSE = 128
+"""Texels of a map that has no edge within several pixels of where it should be."""
+
+
+def misjudged(renderer, reached: np.ndarray, middle: tuple[float, float], half: float) -> float:
+    """Share of the wall's pixels that are not as light or dark as the square's shadow says, half a pixel at its edge
+    left out. reached: those that the lamp lights without the square."""
+    points, lit = wall_points(), renderer.read("radiance").mean(-1) > 0
+    away = np.maximum(np.abs(points[..., 0] - middle[0]), np.abs(points[..., 1] - middle[1])) - half
+    pixel = 8 * np.tan(CAMERA.vertical_fov / 2) / SIZE[1]
+    sure = reached & (renderer.read("view_depth") > 3.9) & (np.abs(away) > 0.5 * pixel)
+    return (lit != (away > 0))[sure].mean()
+
+
+@pytest.mark.parametrize("kind", SHADOWING)
+def test_edges_are_where_they_should_be(make_renderer, stage, kind):
+    """Similar triangles tell each pixel, whatever the map's resolution."""
+    light, (middle_x, middle_y, half) = SHADOWING[kind]
+    both = dict(primitives=(WALL, BLOCKER), lights=(light,), stage=stage, shadow_resolution=COARSE)
+    reached = render(make_renderer, (WALL,), (light,)).read("radiance").mean(-1) > 0
+    by_map = misjudged(render(make_renderer, **both), reached, (middle_x, middle_y), half)
+    by_rays = misjudged(render(make_renderer, **both, shadow_rays=True), reached, (middle_x, middle_y), half)
+    assert by_map > 0.005, "the map alone does not do"
+    assert by_rays < 0.001
+
+
+@pytest.mark.parametrize("kind", SHADOWING)
+def test_surfaces_do_not_shade_themselves(make_renderer, kind):
+    light = SHADOWING[kind][0]
+    traced = render(make_renderer, (WALL,), (light,), shadow_rays=True).read("radiance")
+    free = render(make_renderer, (WALL,), (replace(light, cast_shadow=False),)).read("radiance")
+    assert np.allclose(traced, free, rtol=0.01)
+
+
+def test_light_falls_through_the_holes_of_masks(make_renderer):
+    """The left half of the square is a hole, through which the camera sees the shadow of the right one."""
+    pixels = np.full((8, 8, 4), 255, np.uint8)
+    pixels[:, :4, 3] = 0
+    cut = Material(base_color_texture=TextureRef(0, nearest=True), alpha_mode="mask", double_sided=True, specular=0.0)
+    light, (middle_x, middle_y, half) = SHADOWING["point"]
+    scene = scenes.scene((WALL, replace(BLOCKER, material=1)), (PLAIN, cut), (light,))
+    scene = replace(scene, images=(Image("half", pixels),))
+    renderer = make_renderer(scene, SIZE, bounces=0, shadow_resolution=COARSE, shadow_rays=True)
+    renderer.render(CAMERA)
+    points, lit = wall_points(), renderer.read("radiance").mean(-1) > 0
+    wall = renderer.read("view_depth") > 3.9
+    inside = wall & (np.abs(points[..., :2] - (middle_x, middle_y)).max(-1) < half - 0.05)
+    left, right = points[..., 0] < middle_x - 0.05, points[..., 0] > middle_x + 0.05
+    assert (inside & left).sum() > 10 and (inside & right).sum() > 10
+    assert lit[inside & left].all() and not lit[inside & right].any()
+
+
+def test_a_light_may_go_without_shadow(make_renderer):
+    light = replace(SHADOWING["point"][0], cast_shadow=False)
+    both = render(make_renderer, (WALL, BLOCKER), (light,), shadow_rays=True)
+    assert both.read("radiance")[both.read("view_depth") > 3.9].min() > 0
+
+
+def test_rays_can_be_switched_on_and_off(make_renderer):
+    """Their tables are made when they are wanted; off, the picture is what it was."""
+    both = dict(primitives=(WALL, BLOCKER), lights=(SHADOWING["spot"][0],), shadow_resolution=COARSE)
+    renderer = render(make_renderer, **both)
+    by_map = renderer.read("direct")
+    renderer.set_settings(replace(renderer.settings, shadow_rays=True))
+    renderer.render(CAMERA)
+    assert np.array_equal(renderer.read("direct"), render(make_renderer, **both, shadow_rays=True).read("direct"))
+    renderer.set_settings(replace(renderer.settings, shadow_rays=False))
+    renderer.render(CAMERA)
+    assert np.array_equal(renderer.read("direct"), by_map)
+
+
+def test_a_scene_of_nothing(make_renderer):
+    renderer = render(make_renderer, (), (SHADOWING["point"][0],), shadow_rays=True)
+    assert not renderer.read("radiance").any()
