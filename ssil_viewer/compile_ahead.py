@@ -22,9 +22,11 @@ from ssil_viewer.gpu.context import Capabilities, create_headless_context
 from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
+from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
+from ssil_viewer.passes.rays import RAYS, traces_rays
 from ssil_viewer.pipeline import settings_for
 from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -138,13 +140,17 @@ class Ahead:
     def _with_scene(self, runner: PassRunner, lights: LightTable, drawer: SceneDrawer, scene: Scene,
                     settings: Settings) -> None:
         runner.set_settings(settings_for(runner.passes, scene, settings))
-        gpu_scene = GpuScene(runner.context, same_programs_scene(scene), software=True)
+        small = same_programs_scene(scene)
+        gpu_scene, rays = GpuScene(runner.context, small, software=True), None
         try:
+            if traces_rays(runner.settings) and small.triangle_count:
+                rays = SceneRays(runner.context, small, gpu_scene.origin)
+                runner.set_features(runner.features | RAYS)
             drawer.set_scene(gpu_scene)
             gpu_scene.upload_transforms()
             lights.update(scene.lights, gpu_scene.origin, gpu_scene.bounds, settings.shadow_resolution,
                           runner.capabilities.max_texture_size, settings.area_shadow_samples)
-            frame = _frame(runner, lights, drawer, gpu_scene.has_occlusion_maps)
+            frame = _frame(runner, lights, drawer, gpu_scene.has_occlusion_maps, rays)
             # First what is drawn first: who renders the frame will be there soon
             for p in runner.passes:
                 if not isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
@@ -155,6 +161,8 @@ class Ahead:
             self._screen_passes(frame)
         finally:
             gpu_scene.release()
+            if rays is not None:
+                rays.release()
 
     def _screen_passes(self, frame: SceneFrame, until: Callable[[], bool] = lambda: False) -> None:
         """Draw once with the program of every screen pass; what was drawn with before takes no time.
@@ -172,6 +180,8 @@ class Ahead:
                         frame.dispatch(p, dispatch)
 
 
-def _frame(runner: PassRunner, lights: LightTable, drawer: SceneDrawer, has_occlusion_maps: bool = False) -> SceneFrame:
-    return SceneFrame(runner, runner.settings, runner.radius, lights.textures, has_occlusion_maps, lights=lights,
-                      shadows_stale=True, drawer=drawer)
+def _frame(runner: PassRunner, lights: LightTable, drawer: SceneDrawer, has_occlusion_maps: bool = False,
+           rays: SceneRays | None = None) -> SceneFrame:
+    tables = lights.textures | (rays.textures if rays is not None else {})
+    return SceneFrame(runner, runner.settings, runner.radius, tables, has_occlusion_maps, lights=lights,
+                      shadows_stale=True, drawer=drawer, rays=rays)

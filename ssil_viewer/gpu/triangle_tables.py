@@ -111,7 +111,10 @@ class GpuTriangles:
 
 def _table(context: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:
     """A texture whose rows hold (N, C) texels one after the other, float32 or uint8."""
-    rows = max(-(-len(texels) // TABLE_WIDTH), 1)
+    rows = max(-(-len(texels) // TABLE_WIDTH), 3)
+    # Never a power of two: llvmpipe compiles a program anew for textures of such a side, and those compiled ahead have
+    # seen a smaller scene
+    rows += (rows & (rows - 1)) == 0
     filled = np.zeros((rows * TABLE_WIDTH, texels.shape[1]), texels.dtype)
     filled[:len(texels)] = texels
     texture = context.texture((TABLE_WIDTH, rows), texels.shape[1], filled.tobytes(), alignment=1,

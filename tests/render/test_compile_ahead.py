@@ -34,21 +34,22 @@ from ssil_viewer.settings import Settings
 context = create_headless_context()
 scene = load_scene("builtin:glossy")
 size = int(sys.argv[1]), int(sys.argv[2])
+settings = Settings(shadow_rays=True, unseen_samples=1) if sys.argv[4] == "rays" else Settings()
 if sys.argv[3] == "ahead":
-    ahead = Ahead(size, Settings(), ("final",), FRAME)
+    ahead = Ahead(size, settings, ("final",), FRAME)
     ahead.told.put(scene)
     ahead.compile_on(context)
 else:
-    renderer = Renderer(context, size, Settings(), keep=("final",))
+    renderer = Renderer(context, size, settings, keep=("final",))
     renderer.set_scene(scene)
     renderer.render(default_camera(scene))
 context.finish()
 """
 
 
-def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead") -> int:
+def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead", rays: str = "") -> int:
     environment = os.environ | {"MESA_SHADER_CACHE_DIR": str(cache), "MESA_SHADER_CACHE_DISABLE": "false"}
-    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size), how], check=True, env=environment, timeout=120)
+    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size), how, rays], check=True, env=environment, timeout=120)
     return sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
 
 
@@ -66,12 +67,13 @@ def test_the_small_size_needs_the_programs_of_the_large_one(size, context, tmp_p
     assert _bytes_in_cache_after_drawing(size, tmp_path) == small
 
 
-def test_the_renderer_finds_every_program_there(context, tmp_path):
+@pytest.mark.parametrize("rays", ["", "rays"])
+def test_the_renderer_finds_every_program_there(context, tmp_path, rays):
     """Of materials and shadow maps, too, which are drawn from a scene with hardly any triangles and small textures."""
     _needs_llvmpipe(context)
     size = (320, 180)
-    ahead = _bytes_in_cache_after_drawing(compile_ahead.same_programs_size(size), tmp_path)
-    assert _bytes_in_cache_after_drawing(size, tmp_path, "renderer") == ahead
+    ahead = _bytes_in_cache_after_drawing(compile_ahead.same_programs_size(size), tmp_path, rays=rays)
+    assert _bytes_in_cache_after_drawing(size, tmp_path, "renderer", rays) == ahead
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1, 1), (1, 4096), (3, 8192), (255, 255), (256, 256)])
