@@ -234,7 +234,7 @@ class Renderer:
             tables |= self._rays.textures if self._rays else {}
             frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer,
-                               rays=self._rays)
+                               rays=self._rays, rays_are_stale=self._moved)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
             if self._view_name is not None:
                 self._draw_view(*self._view_name)
@@ -291,7 +291,8 @@ class Renderer:
         if names := self._light_table.unshadowed:
             found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
         if self._rays is not None and self._moved:
-            found.append("rays meet moved objects where the scene's file has them")
+            found.append("objects have moved: rays still meet them where they were, and shadows are those of shadow "
+                         "maps alone")
         solids = self._gpu_scene.solids if self._gpu_scene is not None else None
         if solids is not None and (names := solids.open_meshes):
             which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"

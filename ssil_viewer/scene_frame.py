@@ -18,6 +18,7 @@ class SceneFrame(Frame):
     shadows_stale: bool
     drawer: SceneDrawer
     rays: SceneRays | None = None
+    rays_are_stale: bool = False        # an object has moved since
 
     def draw_gbuffer(self, writes: tuple[tuple[str, str], ...]) -> None:
         """Rasterize the scene's materials into the bound framebuffer."""

@@ -44,7 +44,7 @@ class Direct(ScreenPass):
                     "punctual_lights": frame.lights.punctual_count}
         defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
         omit = set() if frame.has_feature("environment") else {"sky", "start_surface"}
-        if frame.settings.shadow_rays and frame.rays is not None:
+        if frame.settings.shadow_rays and frame.rays is not None and not frame.rays_are_stale:
             uniforms |= ray_uniforms(frame)
             defines += [("SHADOW_RAYS", ""), *ray_defines(frame)]
         else:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer.scene.model import Image, Material, TextureRef
+from ssil_viewer.scene.model import Image, Instance, Material, Mesh, TextureRef
 from tests import scenes
 from tests.passes.test_direct_light import BLOCKER, CAMERA, PLAIN, SHADOWING, SIZE, WALL, render, wall_points
 
@@ -80,6 +80,26 @@ def test_rays_can_be_switched_on_and_off(make_renderer):
     renderer.set_settings(replace(renderer.settings, shadow_rays=False))
     renderer.render(CAMERA)
     assert np.array_equal(renderer.read("direct"), by_map)
+
+
+def test_shadows_follow_a_moved_object(make_renderer):
+    """Rays would not: from then on the map alone counts."""
+    scene = scenes.scene((WALL,), (PLAIN,), (SHADOWING["point"][0],))
+    scene = replace(scene, meshes=(*scene.meshes, Mesh("square", (BLOCKER,))),
+                    instances=(*scene.instances, Instance("square", 1, np.eye(4))))
+    away = np.eye(4)
+    away[0, 3] = 0.5
+    pictures = []
+    for rays in (False, True):
+        renderer = make_renderer(scene, SIZE, bounces=0, shadow_rays=rays)
+        renderer.render(CAMERA)
+        before = renderer.read("direct")
+        renderer.move_instance(1, away)
+        renderer.render(CAMERA)
+        pictures.append(renderer.read("direct"))
+        assert not np.array_equal(pictures[-1], before)
+    assert any("moved" in line for line in renderer.warnings)
+    assert np.array_equal(*pictures)
 
 
 def test_a_scene_of_nothing(make_renderer):

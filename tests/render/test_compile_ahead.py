@@ -49,7 +49,8 @@ context.finish()
 
 def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead", rays: str = "") -> int:
     environment = os.environ | {"MESA_SHADER_CACHE_DIR": str(cache), "MESA_SHADER_CACHE_DISABLE": "false"}
-    subprocess.run([sys.executable, "-c", _DRAW_ALL, *map(str, size), how, rays], check=True, env=environment, timeout=120)
+    command = [sys.executable, "-c", _DRAW_ALL, *map(str, size), how, rays]
+    subprocess.run(command, check=True, env=environment, timeout=120)
     return sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
 
 
