@@ -31,7 +31,7 @@ PRESET = "quality"          # with 256 samples and --visibility horizon
 SIZE, FRAMES = (1280, 720), 8
 SERIES = "cornell"
 SERIES_SIZE = 640, 360
-# So many rays that R3_visible's own noise is small, of which few rays of R3 bring anything: 144 left 8 % of it in Sponza
+# So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
 EFFORT = Effort(path_rays=576, seconds=150.0)
 DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
 
