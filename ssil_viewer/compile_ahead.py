@@ -26,7 +26,7 @@ from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
-from ssil_viewer.passes.rays import RAYS, traces_rays
+from ssil_viewer.passes.rays import RAYS, gathers_unseen, traces_rays
 from ssil_viewer.pipeline import settings_for
 from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -127,6 +127,8 @@ class Ahead:
         runner = PassRunner(context, self._passes, self._size, replace(settings, glossy_samples=0), keep=self._keep,
                             timed=False)
         lights, drawer = LightTable(context), SceneDrawer(context, FrameBlock)
+        if traces_rays(settings):   # as long as the scene has surfaces
+            runner.set_features(RAYS)
         try:
             self._screen_passes(_frame(runner, lights, drawer), until=lambda: not self.told.empty())
             scene = self.told.get()
@@ -144,8 +146,9 @@ class Ahead:
         gpu_scene, rays = GpuScene(runner.context, small, software=True), None
         try:
             if traces_rays(runner.settings) and small.triangle_count:
-                rays = SceneRays(runner.context, small, gpu_scene.origin)
-                runner.set_features(runner.features | RAYS)
+                rays = SceneRays(runner.context, small, gpu_scene.origin, surfels=gathers_unseen(runner.settings))
+            else:
+                runner.set_features(runner.features - RAYS)
             drawer.set_scene(gpu_scene)
             gpu_scene.upload_transforms()
             lights.update(scene.lights, gpu_scene.origin, gpu_scene.bounds, settings.shadow_resolution,
@@ -174,6 +177,8 @@ class Ahead:
         with runner.frame():
             for p in reversed(runner.passes):
                 if isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
+                    if p.requires >= RAYS and frame.rays is None:
+                        continue    # it needs the scene's triangles
                     for dispatch in p.dispatches(frame):
                         if self.stop.is_set() or until():
                             return

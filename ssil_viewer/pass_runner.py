@@ -351,8 +351,7 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
-        tables = tuple((name, kind) for name, kind in screen_pass.tables.items() if name not in dispatch.omit)
-        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes),
+        variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
                           tuple(screen_pass.uniforms.items()), dispatch.defines)
         return variant, inputs, outputs
 
@@ -373,6 +372,13 @@ class PassRunner:
 
     def _compile(self, variant: Variant) -> ScreenProgram:
         return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.capabilities.software)
+
+    def texture_units(self) -> dict[str, int]:
+        """Shader file -> the most textures that any of its programs binds through samplers."""
+        most: dict[str, int] = {}
+        for variant, program in self._programs.items():
+            most[variant.shader] = max(program.texture_units, most.get(variant.shader, 0))
+        return most
 
     def unbind(self) -> None:
         """Take no binding of an earlier frame for granted: outside of `frame()`, anybody may have changed them."""

@@ -26,7 +26,7 @@ from ssil_viewer.pass_runner import FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
-from ssil_viewer.passes.rays import traces_rays
+from ssil_viewer.passes.rays import gathers_unseen, traces_rays, traces_shadows
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -171,7 +171,7 @@ class Renderer:
         """What passes that trace rays read, if there are such: making it takes long. Raises UserError."""
         if not (traces_rays(settings) and scene.triangle_count):
             return None
-        return SceneRays(self.context, scene, origin)
+        return SceneRays(self.context, scene, origin, surfels=gathers_unseen(settings))
 
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
@@ -186,19 +186,26 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        in_force = settings_for(self._runner.passes, self.scene, settings)
+        in_force, former = settings_for(self._runner.passes, self.scene, settings), self._runner.settings
         made = None
-        if self.scene is not None and self._rays is None:
+        if self.scene is not None and (self._rays is None or gathers_unseen(in_force) > self._rays.has_surfels):
             made = self._scene_rays(self.scene, self.origin, in_force)
         try:
             self._runner.set_settings(in_force)
-            if made is not None:
-                self._set_feature("rays", True)
+            try:
+                if made is not None:
+                    self._set_feature("rays", True)
+            except UserError:
+                self._runner.set_settings(former)
+                raise
         except UserError:
             if made is not None:
                 made.release()
             raise
-        self._rays = made or self._rays
+        if made is not None:
+            if self._rays is not None:
+                self._rays.release()
+            self._rays = made
         self._settings = settings
         self._lights_moved |= shadows_change
 
@@ -291,8 +298,10 @@ class Renderer:
         if names := self._light_table.unshadowed:
             found.append(f"{len(names)} lights cast no shadow, the shadow atlas is full: {', '.join(names[:5])}")
         if self._rays is not None and self._moved:
-            found.append("objects have moved: rays still meet them where they were, and shadows are those of shadow "
-                         "maps alone")
+            if gathers_unseen(self._runner.settings):
+                found.append("objects have moved: unseen light comes from them, and is hidden by them, where they were")
+            if traces_shadows(self._runner.settings):
+                found.append("objects have moved: shadows are those of shadow maps alone, since rays would not follow")
         solids = self._gpu_scene.solids if self._gpu_scene is not None else None
         if solids is not None and (names := solids.open_meshes):
             which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"

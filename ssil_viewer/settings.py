@@ -196,8 +196,9 @@ class Settings:
         "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",
         1, 16, group="Shadows")] = 9
     shadow_rays: Annotated[bool, Knob(
-        "Where the shadow map of a lamp or the sun shows an edge, a ray against the scene's triangles decides: shadows "
-        "as sharp as the image. The price is that of the rays, for a few pixels in a hundred.",
+        "Wherever the shadow map of a lamp or the sun leaves light, a ray against the scene's triangles decides: "
+        "shadows as sharp as the image. A ray for each lit pixel and each of the first 16 lamps, and seconds to "
+        "prepare a large scene.",
         affects="resources", group="Shadows")] = False
     environment_strength: Annotated[float, Knob(
         "Brightness of the environment map, in stops; 0 leaves it as the file has it.",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Primitive, Scene
@@ -53,6 +55,19 @@ def box(center, size, material: int = 0, inward: bool = False) -> tuple[Primitiv
             middle[axis] += sign * s[axis] / 2
             faces.append(rectangle(middle - (u + v) / 2, u, v, material))
     return tuple(faces)
+
+
+def sphere(rings: int, segments: int, radius: float = 1.0) -> Primitive:
+    """A sphere about the origin with smooth normals, coarse enough to have facets."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, segments + 1),
+                                indexing="ij")
+    normals = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)], -1)
+    normals = normals.reshape(-1, 3)
+    corner = (np.arange(rings)[:, None] * (segments + 1) + np.arange(segments)).reshape(-1, 1)
+    indices = np.concatenate([corner + (0, 1, segments + 2), corner + (0, segments + 2, segments + 1)])
+    return replace(rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), positions=(radius * normals).astype(np.float32),
+                   normals=normals.astype(np.float32), texcoords=np.zeros((len(normals), 2, 2), np.float32),
+                   indices=indices.astype(np.uint32))
 
 
 def scene(primitives, materials, lights: tuple[Light, ...] = (), name: str = "test") -> Scene:

@@ -13,6 +13,11 @@ const int LIGHT_RECTANGLE = 3;
 const int LIGHT_DISC = 4;
 const int LIGHT_SPHERE = 5;
 
+// What passes/shadow_rays.glsl says of each of the first lamps.
+const int TRACED_LAMPS = 16;
+const uint LAMP_SEEN = 1u;
+const uint LAMP_HIDDEN = 2u;
+
 struct Light {
     int kind;
     vec3 position;
@@ -169,6 +174,7 @@ float area_size(AreaLight light) {
     return (light.kind == LIGHT_DISC ? 1.0 : 4.0) * AREA_PI * r * r;
 }
 
+const float LEAST_FACING = 0.1;
 const int AREA_TILES = 3;   // of each point: they cover the side to which it emits
 
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
@@ -207,7 +213,9 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         Tile view = fetch_tile(tiles, best);
         vec3 moved = position + n * (texel * (0.25 + sine_of(dot(axis.xyz, n))));
         vec2 slope;
-        plane_slope(view, moved, triangle, texel, slope);
+        // A triangle that hardly faces the point, if at all, would hide itself, where the smooth normal faces it
+        bool faces = dot(to_point, triangle) > LEAST_FACING * sqrt(squared);
+        plane_slope(view, moved, faces ? triangle : n, texel, slope);
         lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
         total += weight;
     }

@@ -3,9 +3,6 @@
 // neighbouring surface receives.
 #include "lib/brdf.glsl"
 #include "lib/lights.glsl"
-#ifdef SHADOW_RAYS
-#include "lib/scene_rays.glsl"
-#endif
 #ifdef HAS_SKY
 #include "lib/bilateral.glsl"
 #include "lib/environment.glsl"
@@ -52,17 +49,6 @@ vec3 environment_background(vec2 ray) {
 const float MOST_SENT_ON = 0.95;
 #endif
 
-#ifdef SHADOW_RAYS
-// Share of a light that arrives by a ray, where the shadow map leaves any of it. A triangle that faces away from the light
-// keeps the map's answer, whose soft edge hides where smooth normals and triangles disagree.
-float traced(float mapped, Light light, vec3 position, vec3 triangle, vec3 wi, float view_depth) {
-    float facing = dot(triangle, wi);
-    if (mapped <= 0.0 || light.first_tile < 0 || facing <= 0.0) return mapped;
-    vec3 end = light.kind == LIGHT_DIRECTIONAL ? position + wi * (length(position) + extent) : light.position;
-    return is_blocked(position + triangle * (RAY_LIFT * view_depth), end) ? 0.0 : 1.0;
-}
-#endif
-
 void shade(ivec2 px) {
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) {
@@ -86,6 +72,9 @@ void shade(ivec2 px) {
 
     // Shadow maps hold triangles: neither smoothed nor mapped normals tell where their planes run
     vec3 triangle = normalize(world_rotation * decode_direction16(load_motion(px).w));
+#ifdef HAS_TRACED
+    uint traced = load_traced(px);
+#endif
     vec3 irradiance = vec3(0.0), highlight = vec3(0.0);
     for (int i = 0; i < punctual_lights; ++i) {
         Light light = fetch_light(texture_lights, i);
@@ -93,10 +82,13 @@ void shade(ivec2 px) {
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
-            float lit = shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, triangle, wi);
-#ifdef SHADOW_RAYS
-            lit = traced(lit, light, position, triangle, wi, surface.view_depth);
+            float lit = 0.0;
+#ifdef HAS_TRACED
+            uint answer = i < TRACED_LAMPS ? (traced >> uint(2 * i)) & 3u : 0u;
+            if (answer == LAMP_SEEN) lit = 1.0;
+            else if (answer == 0u)
 #endif
+            lit = shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, triangle, wi);
             incoming *= n_dot_l * lit;
             irradiance += incoming;
             highlight += incoming * brdf_ggx(specular.rgb, specular.a, n, wo, wi);

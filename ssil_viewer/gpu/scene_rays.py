@@ -13,24 +13,28 @@ from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.gpu.targets import SURFEL_SIDE
 from ssil_viewer.gpu.triangle_tables import GpuTriangles, TriangleTables, check_triangle_count
 from ssil_viewer.scene.model import Scene
-from ssil_viewer.scene.surfels import spread_surfels, triangle_colors
+from ssil_viewer.scene.surfels import Surfels, spread_surfels, triangle_colors
 
 NEAR_SPACINGS = 20.0
 """Distance in spacings of surfels within which rays of random directions look for light instead. From 3 on, surfels are
 close enough together to stand for what is there; but of what is near, few are drawn, and each brings much: at 3 walls
 behind a sunlit curtain were full of blotches, at 20 they are even."""
 
-_ADVICE = "give --unseen-samples 0 --shadow-rays off"
+ADVICE = "give --unseen-samples 0 --no-shadow-rays"
 _FIELDS = ("position", "normal", "albedo", "emission")
 
 
 class SceneRays:
     """Triangles and surfels of a scene, relative to `origin`, as they stand when this is made.
 
+    Args:
+        surfels: Whether to make these, and the triangles' colours, which unseen light alone needs.
+
     Attributes:
         textures: By their names in shaders, without "texture_": `surfel_position` (the area in alpha), `surfel_normal`,
             `surfel_albedo` and `surfel_emission`, SURFEL_SIDE texels a side in Z-order; and those of `GpuTriangles`.
         node_count, masked: Of the triangles' tree.
+        has_surfels: Whether there are such.
         extent: Metres, the diagonal of the scene's box: so far away can anything be.
         near: Of unseen light, metres. What is closer to a receiver than this is found by rays of random directions:
             surfels are too far apart to stand for it.
@@ -39,33 +43,40 @@ class SceneRays:
         UserError: They do not fit into memory; nothing is allocated then.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray) -> None:
+    def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray, surfels: bool) -> None:
+        spread = None
         try:
             check_triangle_count(scene)
-            with allocating(context, "the triangles that rays meet", scene.name, _ADVICE):
-                surfels = spread_surfels(scene, origin, SURFEL_SIDE**2)
-                tables = TriangleTables.of(scene, origin, triangle_colors(scene))
+            with allocating(context, "the triangles that rays meet", scene.name, ADVICE):
+                if surfels:
+                    spread = spread_surfels(scene, origin, SURFEL_SIDE**2)
+                tables = TriangleTables.of(scene, origin, triangle_colors(scene) if surfels else None)
             self._triangles = GpuTriangles(context, tables)
         except UserError as error:
-            raise UserError(f"rays: {error.what}", error.where, _ADVICE) from error
-        self.node_count, self.masked = self._triangles.node_count, self._triangles.masked
+            raise UserError(f"rays: {error.what}", error.where, ADVICE) from error
+        self.node_count, self.masked, self.has_surfels = self._triangles.node_count, self._triangles.masked, surfels
         low, high = scene.bounds()
-        self.extent = float(np.linalg.norm(high - low))
-        self.near = NEAR_SPACINGS * math.sqrt(float(np.median(surfels.area))) if len(surfels.area) else 0.0
+        self.extent, self.near = float(np.linalg.norm(high - low)), 0.0
         self._own: dict[str, moderngl.Texture] = {}
         try:
-            with allocating(context, "the surfels of unseen light", scene.name, _ADVICE):
-                for name in _FIELDS:
-                    texels = np.zeros((SURFEL_SIDE**2, 4), np.float32)
-                    texels[:len(surfels.area), :3] = getattr(surfels, name)
-                    if name == "position":
-                        texels[:len(surfels.area), 3] = surfels.area
-                    self._own[f"surfel_{name}"] = float_table(context, SURFEL_SIDE, SURFEL_SIDE)
-                    self._own[f"surfel_{name}"].write(_z_ordered(texels).tobytes())
+            if spread is not None:
+                self._upload(context, scene, spread)
         except BaseException:
             self.release()
             raise
         self.textures = self._own | self._triangles.textures
+
+    def _upload(self, context: moderngl.Context, scene: Scene, surfels: Surfels) -> None:
+        if len(surfels.area):
+            self.near = NEAR_SPACINGS * math.sqrt(float(np.median(surfels.area)))
+        with allocating(context, "the surfels of unseen light", scene.name, ADVICE):
+            for name in _FIELDS:
+                texels = np.zeros((SURFEL_SIDE**2, 4), np.float32)
+                texels[:len(surfels.area), :3] = getattr(surfels, name)
+                if name == "position":
+                    texels[:len(surfels.area), 3] = surfels.area
+                self._own[f"surfel_{name}"] = float_table(context, SURFEL_SIDE, SURFEL_SIDE)
+                self._own[f"surfel_{name}"].write(_z_ordered(texels).tobytes())
 
     def release(self) -> None:
         """Free all GPU memory."""

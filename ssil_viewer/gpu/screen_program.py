@@ -189,6 +189,11 @@ class ScreenProgram:
         self._writes = [name for name, _ in variant.writes]
         self._values: dict[str, object] = {}
 
+    @property
+    def texture_units(self) -> int:
+        """How many textures are bound through samplers; OpenGL 3.3 promises a fragment shader no more than 16."""
+        return len(self._units)
+
     def run(self, targets: TargetSet, inputs: dict[str, moderngl.Texture], outputs: dict[str, moderngl.Texture],
             uniforms: dict[str, object], bound: dict[int, int]) -> None:
         """Shade every texel of the outputs, which all have one size.

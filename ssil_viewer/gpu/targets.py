@@ -59,6 +59,7 @@ FORMATS: dict[str, Format] = {
     "rgba32f": Format(4, "f4", "vec4", "vec4", "sampler2D", "image2D", "rgba32f", "{}", "{}", 16),
     "rg32f": Format(2, "f4", "vec2", "vec2", "sampler2D", "image2D", "rg32f", "{}.xy", "{}", 8),
     "voxels": Format(4, "u4", "uvec4", "uvec4", "usampler2D", "uimage2D", "rgba32ui", "{}", "{}", 16),
+    "bits32": Format(1, "u4", "uint", "uint", "usampler2D", "uimage2D", "r32ui", "{}.x", "{}", 4),
     "index8": Format(1, "u1", "uint", "uint", "usampler2D", "uimage2D", "r8ui", "{}.x", "{}", 1),
 }
 

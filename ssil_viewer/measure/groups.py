@@ -8,7 +8,7 @@ from ssil_viewer.gpu.timers import PassTime
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "scene": ("shadows", "gbuffer"),
-    "direct": ("sky", "sky_filter", "direct"),
+    "direct": ("sky", "sky_filter", "shadow_rays", "direct"),
     "voxelization": ("depth_range", "voxelize", "voxel_mipmap"),
     "indirect": ("mipmap", "unseen_light", "unseen_sums", "unseen_draw", "unseen_gather", "unseen_reflect", "reflect",
                  "mipmap_radiance", "gather", "glossy_gather"),

@@ -12,7 +12,7 @@ from ssil_viewer.passes.glossy_upsample import GlossyUpsample
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
 from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
 from ssil_viewer.passes.reflect import AddBounces, Reflect
-from ssil_viewer.passes.shadows import Shadows
+from ssil_viewer.passes.shadows import ShadowRays, Shadows
 from ssil_viewer.passes.sky import Sky, SkyFilter
 from ssil_viewer.passes.temporal import Temporal
 from ssil_viewer.passes.unseen import UnseenDraw, UnseenGather, UnseenLight, UnseenReflect, UnseenSums
@@ -20,13 +20,13 @@ from ssil_viewer.passes.upsample import Upsample
 from ssil_viewer.passes.voxel_mipmap import VoxelMipmap
 from ssil_viewer.passes.voxelize import Voxelize
 
-FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, Direct, UnseenLight, UnseenSums, UnseenDraw,
-                                 UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
+FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, ShadowRays, Direct, UnseenLight, UnseenSums,
+                                 UnseenDraw, UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
                                  MipmapRadiance, Gather, Upsample, AddBounces, Temporal, GlossyGather, GlossyUpsample,
                                  GlossyResolve, Composite)
 
 __all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
            "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapRadiance", "Pass", "Read", "Reflect",
-           "ScreenPass", "Shadows", "Sky", "SkyFilter",
+           "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter",
            "Temporal", "UnseenDraw", "UnseenGather", "UnseenLight", "UnseenReflect",
            "UnseenSums", "Upsample", "VoxelMipmap", "Voxelize"]

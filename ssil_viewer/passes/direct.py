@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
-from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, ray_defines, ray_uniforms
 
 if TYPE_CHECKING:
     from ssil_viewer.scene_frame import SceneFrame
@@ -17,7 +16,7 @@ class Direct(ScreenPass):
 
     Diffuse: Lambert. Highlights: GGX (Walter et al. 2007); of areas from a representative point, of the environment
     from its map blurred by roughness (Karis 2013). Only the diffuse part and emission go into the radiance that the
-    gather reads. With `--shadow-rays` shadows of lights without area are those of the scene's triangles.
+    gather reads. What `ShadowRays` has found stands in for the shadow map.
     """
 
     name = "direct"
@@ -25,30 +24,26 @@ class Direct(ScreenPass):
     reads = {"surface": Read.of("surface"), "albedo": Read.of("albedo"), "specular": Read.of("specular"),
              "emission": Read.of("emission"), "sky": Read.of("sky", offset="start", optional=True),
              "start_surface": Read.of("surface", offset="start", optional=True),
-             "motion": Read.of("motion"),
+             "motion": Read.of("motion"), "traced": Read.of("traced", optional=True),
              "previous_surface": Read.of("surface@previous", optional=True),
              "history": Read.of("irradiance@previous", optional=True)}
     tables = {"lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
-              "environment": "sampler2D", "environment_irradiance": "sampler2D", "environment_specular": "sampler2D",
-              **RAY_TABLES}
+              "environment": "sampler2D", "environment_irradiance": "sampler2D", "environment_specular": "sampler2D"}
     writes = {
         "direct": Target("rgba16f", "radiance towards the camera from direct light and emission, W m^-2 sr^-1; "
                                     "background: the backdrop"),
         "radiance": Target("rgb9e5", "diffuse exitant radiance L = emission + albedo / pi * E_direct, W m^-2 sr^-1",
                            "pyramid"),
     }
-    uniforms = {"start_texel": "float", "punctual_lights": "int", **RAY_UNIFORMS}
+    uniforms = {"start_texel": "float", "punctual_lights": "int"}
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
         uniforms = {"start_texel": float(2**frame.settings.start_level),
                     "punctual_lights": frame.lights.punctual_count}
-        defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
+        defines = tuple((f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds)
         omit = set() if frame.has_feature("environment") else {"sky", "start_surface"}
-        if frame.settings.shadow_rays and frame.rays is not None and not frame.rays_are_stale:
-            uniforms |= ray_uniforms(frame)
-            defines += [("SHADOW_RAYS", ""), *ray_defines(frame)]
-        else:
-            omit |= set(RAY_TABLES)
+        if frame.rays_are_stale or not frame.has_target("traced", 0):
+            omit.add("traced")
         if not frame.settings.feeds_back:
             omit |= {"previous_surface", "history"}
-        yield Dispatch(0, uniforms, tuple(defines), frozenset(omit))
+        yield Dispatch(0, uniforms, defines, frozenset(omit))

@@ -20,9 +20,14 @@ def gathers_unseen(settings: Settings) -> bool:
     return settings.unseen_samples > 0 and settings.bounces > 0
 
 
+def traces_shadows(settings: Settings) -> bool:
+    """Whether shadows by rays are asked for."""
+    return settings.shadow_rays
+
+
 def traces_rays(settings: Settings) -> bool:
     """Whether some pass traces rays against the scene's triangles, whose tables take long to make."""
-    return gathers_unseen(settings) or settings.shadow_rays
+    return gathers_unseen(settings) or traces_shadows(settings)
 
 
 def ray_uniforms(frame: SceneFrame) -> dict[str, object]:

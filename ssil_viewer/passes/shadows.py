@@ -1,12 +1,15 @@
-"""Shadow maps."""
+"""Shadow maps, and shadows by rays."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Iterable
 
 import moderngl
 
-from ssil_viewer.passes.base import Pass
+from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
+from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, RAYS, ray_defines, ray_uniforms, traces_shadows
+from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.scene_frame import SceneFrame
@@ -34,3 +37,27 @@ class Shadows(Pass):
             clip = tile.clip_from_world.T.astype("f4").tobytes()
             frame.draw_depth(clip)
         context.polygon_offset = (0.0, 0.0)
+
+
+class ShadowRays(ScreenPass):
+    """Which lights without area a pixel sees, by rays against the scene's triangles, where the shadow maps leave light.
+
+    A pass of its own, since OpenGL 3.3 has 16 textures in a fragment shader, and `Direct` may need most of them.
+    """
+
+    name = "shadow_rays"
+    requires = RAYS
+    shader = "passes/shadow_rays.glsl"
+    reads = {"surface": Read.of("surface"), "motion": Read.of("motion")}
+    tables = {"lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow", **RAY_TABLES}
+    writes = {"traced": Target("bits32", "two bits for each of the first 16 lights: 0 as the shadow map says, 1 seen, "
+                                         "2 hidden", exists=traces_shadows)}
+    uniforms = {"punctual_lights": "int", **RAY_UNIFORMS}
+
+    def enabled(self, settings: Settings) -> bool:
+        return traces_shadows(settings)
+
+    def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
+        if not frame.rays_are_stale:
+            uniforms = {"punctual_lights": frame.lights.punctual_count, **ray_uniforms(frame)}
+            yield Dispatch(0, uniforms, ray_defines(frame))

@@ -198,7 +198,7 @@ class _Bsdfs:
         bsdf = self._reflecting(material, base)
         if material.normal_texture is not None and self._fits(material, material.normal_texture, "normal maps"):
             bsdf = {"type": "normalmap", "bsdf": bsdf, "normalmap": _normals(images, material, mirrored),
-                    "use_shadowing_function": False}
+                    "use_shadowing_function": False, "flip_invalid_normals": False}
         if material.occlusion_texture is not None:
             notes.add("occlusion maps are left out")
         if material.double_sided:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -185,6 +187,26 @@ def test_points_lie_on_the_light_and_differ_along_both_sides():
     points, _ = area_points(LIGHTS["rectangle"], 9)
     for axis, side in ((u, 0.9), (v, 0.6)):
         assert np.allclose(np.sort(points @ axis), ((np.arange(9) + 0.5) / 9 - 0.5) * side)
+
+
+@pytest.mark.parametrize("kind", AREA_KINDS)
+def test_smooth_surfaces_show_no_facets(make_renderer, kind):
+    """A lone coarse sphere: its triangles lean away from a part of the light sooner than smooth normals do, and must
+    not hide themselves from it."""
+    towards = tuple(unit(np.array((-0.8, -0.5, -0.3))))
+    light = Light(kind, intensity=3.0, position=(3, 2, 1.5), direction=towards, radius=0.5)
+    ball = scenes.sphere(8, 12)
+    camera = Camera(eye=(0.6, 1.0, 3.2), target=(0.4, -0.2, 0), vertical_fov=0.9)
+    pictures = []
+    for casts in (True, False):
+        lit = scenes.scene((ball,), (Material(specular=0.0, double_sided=True),), (replace(light, cast_shadow=casts),))
+        renderer = make_renderer(lit, (240, 180), bounces=0)
+        renderer.render(camera)
+        pictures.append(renderer.read("direct").sum(-1))
+    shadowed, free = pictures
+    bright = free > 0.05 * free.max()
+    assert bright.sum() > 1000
+    assert (shadowed[bright] < 0.9 * free[bright]).mean() < 2e-3
 
 
 def test_three_views_see_a_hemisphere():

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer.scene.model import Image, Instance, Material, Mesh, TextureRef
+from ssil_viewer.commands.parser import Parser, add_setting_flags
+from ssil_viewer.gpu import scene_rays
+from ssil_viewer.scene.model import Camera, Image, Instance, Light, Material, Mesh, TextureRef
 from tests import scenes
 from tests.passes.test_direct_light import BLOCKER, CAMERA, PLAIN, SHADOWING, SIZE, WALL, render, wall_points
 
@@ -67,6 +69,38 @@ def test_a_light_may_go_without_shadow(make_renderer):
     light = replace(SHADOWING["point"][0], cast_shadow=False)
     both = render(make_renderer, (WALL, BLOCKER), (light,), shadow_rays=True)
     assert both.read("radiance")[both.read("view_depth") > 3.9].min() > 0
+
+
+@pytest.mark.parametrize("above", [-1e-3, 0.0, 1e-4], ids=("below", "on", "above"))
+def test_a_lamp_on_the_ceiling_shines(make_renderer, above):
+    """Lamps are modelled on what they hang from, or a little inside of it; shadow maps see nothing so close to them."""
+    lamp = Light("point", intensity=3.0, position=(0, 1.5 + above, 0))
+    room = scenes.box((0, 0, 0), (4, 3, 4), inward=True)
+    camera = Camera(eye=(0, 0, 1.9), vertical_fov=1.2)
+    by_rays = render(make_renderer, room, (lamp,), camera=camera, shadow_rays=True).read("radiance")
+    by_map = render(make_renderer, room, (lamp,), camera=camera).read("radiance")
+    assert by_map.mean() > 0
+    assert by_rays.mean() == pytest.approx(by_map.mean(), rel=0.03)
+
+
+def test_what_to_do_without_memory_is_said_in_flags_that_there_are():
+    words = scene_rays.ADVICE.removeprefix("give ").split()
+    parser = Parser("ssil-viewer render", "", "")
+    add_setting_flags(parser)
+    parsed = parser.parse(["--unseen-samples", "2", "--shadow-rays", *words])
+    assert not parsed.shadow_rays and not parsed.unseen_samples
+
+
+def test_smooth_surfaces_show_no_facets(make_renderer):
+    """A lone coarse sphere under the sun: what its smooth normal faces, not its triangle, is as with the map."""
+    sun = Light("directional", intensity=3.0, direction=(-0.8, -0.6, 0.0))
+    ball = scenes.sphere(8, 12)
+    camera = Camera(eye=(0.6, 1.0, 3.2), target=(0.4, -0.2, 0), vertical_fov=0.9)
+    free = render(make_renderer, (ball,), (replace(sun, cast_shadow=False),), camera=camera).read("radiance").mean(-1)
+    traced = render(make_renderer, (ball,), (sun,), camera=camera, shadow_rays=True).read("radiance").mean(-1)
+    bright = free > 0.2 * free.max()
+    assert bright.sum() > 200
+    assert (traced[bright] < 0.9 * free[bright]).mean() < 0.01
 
 
 def test_rays_can_be_switched_on_and_off(make_renderer):
