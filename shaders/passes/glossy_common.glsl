@@ -1,20 +1,33 @@
 // How far neighbours may lend a receiver their reflection. Included by the passes that filter it.
+#include "lib/bilateral.glsl"
 
-// Distance to the plane at which a tap's weight is halved, relative to the view depth.
-const float REFLECTION_PLANE_TOLERANCE = 0.01;
 // Difference of perceptual roughness at which it is halved: materials stay apart.
 const float ROUGHNESS_TOLERANCE = 0.05;
 
+// A receiver of reflections.
+struct Reflector {
+    Plane plane;
+    Slant slant;        // over the level of the taps
+    float roughness;
+    float sharpness;    // of the weight by normals
+};
+
+// px: the texel around it, at the level of the taps. scale: size of a texel there on the plane z = 1.
 // Tighter in normal than for irradiance: a mirror direction turns twice as far as its normal. The narrower the lobe, the
 // tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
-float reflection_agreement(Surface receiver, vec3 p, float roughness, Surface tap, vec2 tap_ray, float tap_roughness) {
-    if (tap.view_depth <= 0.0 || tap_roughness < 0.0) return 0.0;
+Reflector make_reflector(Surface surface, Plane plane, float roughness, ivec2 px, vec2 scale) {
+    return Reflector(plane, slant(surface.normal, px, scale), roughness,
+                     mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
+}
+
+// apart: texels from px.
+float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness, vec2 apart) {
     // exp(n (cos - 1)), which is cos^n near 1, without the logarithm
-    float facing = exp2((dot(receiver.normal, tap.normal) - 1.0) * mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
-    float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
-                    / (receiver.view_depth * REFLECTION_PLANE_TOLERANCE);
-    float unlike = (tap_roughness - roughness) * (1.0 / ROUGHNESS_TOLERANCE);
-    return facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
+    float facing = exp2((dot(receiver.plane.normal, tap.normal) - 1.0) * receiver.sharpness);
+    float off_plane = plane_distance(receiver.plane, receiver.slant, tap, apart);
+    float unlike = (tap_roughness - receiver.roughness) * (1.0 / ROUGHNESS_TOLERANCE);
+    float weight = facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
+    return tap.view_depth > 0.0 && tap_roughness >= 0.0 ? weight : 0.0;
 }
 
 // Sum of the weights below which nobody agrees.

@@ -12,14 +12,14 @@ Reflection reflection_at(ivec2 px, Surface receiver, float roughness) {
 #if UPSAMPLING == 1
     return Reflection(load_glossy_light(min(taps.at[0], last)).radiance, roughness, 4.0);
 #else
-    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin), receiver.view_depth);
+    Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
+    Reflector reflector = make_reflector(receiver, plane, roughness, taps.at[0], frame.ray_scale * texel);
     ReflectionSum sum = no_reflection();
     for (int i = 0; i < 3; ++i) {
         ivec2 at = clamp(taps.at[i], ivec2(0), last);
         Reflection tap = load_glossy_light(at);
         Surface there = load_start_surface(at);
-        vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-        float weight = taps.weights[i] * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
+        float weight = taps.weights[i] * reflection_agreement(reflector, there, tap.roughness, vec2(at - taps.at[0]));
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
     return mean_reflection(sum, roughness);
