@@ -49,12 +49,17 @@ ReflectionSum no_reflection() {
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
-void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+void add_reflection(inout ReflectionSum sum, Reflection tap, float weight) {
     float light = luminance(tap.radiance);
     sum.sum += tap.radiance * weight;
     sum.squares += light * light * weight;
     sum.deviation += tap.spread * light * weight;
     sum.total += weight;
+}
+
+// apart: distance in depth.
+void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+    add_reflection(sum, tap, weight);
     if (tap.roughness >= 0.0 && apart < sum.apart) {
         sum.apart = apart;
         sum.nearest = tap;
@@ -70,11 +75,10 @@ Reflection mean_reflection(ReflectionSum sum, float roughness) {
     return Reflection(mean, roughness, deviation / max(luminance(mean), 1e-12));
 }
 
-// The mean, with the spread of what it was taken of.
+// The mean with the spread of what it was taken of, the receiver itself among it, which agrees.
 Reflection measured_reflection(ReflectionSum sum, float roughness) {
-    Reflection mean = mean_reflection(sum, roughness);
-    float light = luminance(mean.radiance);
-    float variance = sum.squares / max(sum.total, LEAST_AGREEMENT) - light * light;
-    mean.spread = sqrt(max(variance, 0.0)) / max(light, 1e-12);
-    return mean;
+    vec3 mean = sum.sum / sum.total;
+    float light = luminance(mean);
+    float variance = sum.squares / sum.total - light * light;
+    return Reflection(mean, roughness, sqrt(max(variance, 0.0)) / max(light, 1e-12));
 }

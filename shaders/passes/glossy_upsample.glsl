@@ -16,7 +16,7 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
         Surface there = load_surface(at);
         float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
                      * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
-        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
+        add_reflection(sum, tap, weight);
     }
     return measured_reflection(sum, own.roughness);
 #endif
