@@ -22,7 +22,7 @@ FLOAT_TABLE = "float_table"
 functions as FLOAT_TABLE."""
 GROUP = 8, 8    # threads of a compute group in x and y: 64 threads suit the waves of all makers
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
-# several inputs push one another out of a CPU's cache: two long ones at a time take a full-size pass up to a quarter less
+# several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
 
 FULL_SCREEN_VERTEX = """#version 330 core
