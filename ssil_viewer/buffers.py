@@ -87,7 +87,7 @@ BUFFERS: dict[str, Buffer] = {
     "sky": Buffer(("sky",), view=REFLECTANCE),
     "glossy_gather": Buffer(("glossy_gather",)),
     "glossy_light": Buffer(("glossy_light",)),
-    "reflection": Buffer(("reflection",)),
+    "reflection": Buffer(("reflection", "reflection_now")),
     "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
 }
 

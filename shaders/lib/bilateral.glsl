@@ -26,12 +26,17 @@ Slant slant(vec3 normal, ivec2 px, vec2 scale) {
     return Slant(dot(normal, vec3(ray, -1.0)), normal.xy * scale);
 }
 
+// Distance of a tap to the receiver's tangent plane, 1 where its weight is halved. apart: texels from the one of the slant,
+// which is the receiver's.
+float plane_distance(Plane receiver, Slant slant, Surface tap, vec2 apart) {
+    return (tap.view_depth * (slant.at + dot(slant.step, apart)) - receiver.offset) * receiver.nearness;
+}
+
 // Agreement of a tap with a receiver: of their normals, and of the tap's distance to the receiver's tangent plane.
-// apart: texels from the one of the slant, which is the receiver's.
 float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
     float facing = max(dot(receiver.normal, tap.normal), 0.0);
     facing *= facing;
     facing *= facing;
-    float off_plane = (tap.view_depth * (slant.at + dot(slant.step, apart)) - receiver.offset) * receiver.nearness;
+    float off_plane = plane_distance(receiver, slant, tap, apart);
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
 }

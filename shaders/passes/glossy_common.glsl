@@ -1,20 +1,33 @@
 // How far neighbours may lend a receiver their reflection. Included by the passes that filter it.
+#include "lib/bilateral.glsl"
 
-// Distance to the plane at which a tap's weight is halved, relative to the view depth.
-const float REFLECTION_PLANE_TOLERANCE = 0.01;
 // Difference of perceptual roughness at which it is halved: materials stay apart.
 const float ROUGHNESS_TOLERANCE = 0.05;
 
+// A receiver of reflections.
+struct Reflector {
+    Plane plane;
+    Slant slant;        // over the level of the taps
+    float roughness;
+    float sharpness;    // of the weight by normals
+};
+
+// px: the texel around it, at the level of the taps. scale: size of a texel there on the plane z = 1.
 // Tighter in normal than for irradiance: a mirror direction turns twice as far as its normal. The narrower the lobe, the
 // tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
-float reflection_agreement(Surface receiver, vec3 p, float roughness, Surface tap, vec2 tap_ray, float tap_roughness) {
-    if (tap.view_depth <= 0.0 || tap_roughness < 0.0) return 0.0;
+Reflector make_reflector(Surface surface, Plane plane, float roughness, ivec2 px, vec2 scale) {
+    return Reflector(plane, slant(surface.normal, px, scale), roughness,
+                     mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
+}
+
+// apart: texels from px.
+float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness, vec2 apart) {
     // exp(n (cos - 1)), which is cos^n near 1, without the logarithm
-    float facing = exp2((dot(receiver.normal, tap.normal) - 1.0) * mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
-    float off_plane = dot(receiver.normal, position_from_ray(tap_ray, tap.view_depth) - p)
-                    / (receiver.view_depth * REFLECTION_PLANE_TOLERANCE);
-    float unlike = (tap_roughness - roughness) * (1.0 / ROUGHNESS_TOLERANCE);
-    return facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
+    float facing = exp2((dot(receiver.plane.normal, tap.normal) - 1.0) * receiver.sharpness);
+    float off_plane = plane_distance(receiver.plane, receiver.slant, tap, apart);
+    float unlike = (tap_roughness - receiver.roughness) * (1.0 / ROUGHNESS_TOLERANCE);
+    float weight = facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
+    return tap.view_depth > 0.0 && tap_roughness >= 0.0 ? weight : 0.0;
 }
 
 // Sum of the weights below which nobody agrees.
@@ -36,12 +49,17 @@ ReflectionSum no_reflection() {
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
-void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+void add_reflection(inout ReflectionSum sum, Reflection tap, float weight) {
     float light = luminance(tap.radiance);
     sum.sum += tap.radiance * weight;
     sum.squares += light * light * weight;
     sum.deviation += tap.spread * light * weight;
     sum.total += weight;
+}
+
+// apart: distance in depth.
+void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
+    add_reflection(sum, tap, weight);
     if (tap.roughness >= 0.0 && apart < sum.apart) {
         sum.apart = apart;
         sum.nearest = tap;
@@ -57,11 +75,10 @@ Reflection mean_reflection(ReflectionSum sum, float roughness) {
     return Reflection(mean, roughness, deviation / max(luminance(mean), 1e-12));
 }
 
-// The mean, with the spread of what it was taken of.
+// The mean with the spread of what it was taken of, the receiver itself among it, which agrees.
 Reflection measured_reflection(ReflectionSum sum, float roughness) {
-    Reflection mean = mean_reflection(sum, roughness);
-    float light = luminance(mean.radiance);
-    float variance = sum.squares / max(sum.total, LEAST_AGREEMENT) - light * light;
-    mean.spread = sqrt(max(variance, 0.0)) / max(light, 1e-12);
-    return mean;
+    vec3 mean = sum.sum / sum.total;
+    float light = luminance(mean);
+    float variance = sum.squares / sum.total - light * light;
+    return Reflection(mean, roughness, sqrt(max(variance, 0.0)) / max(light, 1e-12));
 }

@@ -2,42 +2,42 @@
 // sample pattern repeats, plus the sum of the coarser levels brought up by two. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
 
-Reflection denoised(ivec2 px, Surface receiver, vec3 p, Reflection own) {
+Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
 #if UPSAMPLING == 1
     return own;
 #else
     ivec2 last = size_glossy_gather() - 1;
+    Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
     ReflectionSum sum = no_reflection();
     for (int i = 0; i < window; ++i) {
         ivec2 offset = ivec2(i % 5, i / 5) - 2;
         ivec2 at = clamp(px + offset, ivec2(0), last);
         Reflection tap = load_glossy_gather(at);
         Surface there = load_surface(at);
-        vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * texel, frame.ray_origin);
         float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * reflection_agreement(receiver, p, own.roughness, there, ray, tap.roughness);
-        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
+                     * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
+        add_reflection(sum, tap, weight);
     }
     return measured_reflection(sum, own.roughness);
 #endif
 }
 
 #ifdef HAS_COARSE
-Reflection from_coarser(ivec2 px, Surface receiver, vec3 p, float roughness) {
+Reflection from_coarser(ivec2 px, Surface receiver, Plane plane, float roughness) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
     return load_coarse(min(px / 2, last));
 #else
     ivec2 own = px / 2;
     ivec2 next = own + (px & 1) * 2 - 1;
+    Reflector reflector = make_reflector(receiver, plane, roughness, own, frame.ray_scale * (texel * 2.0));
     ReflectionSum sum = no_reflection();
     for (int i = 0; i < 4; ++i) {
         ivec2 at = clamp(ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y), ivec2(0), last);
         Reflection tap = load_coarse(at);
         Surface there = load_coarse_surface(at);
-        vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale * (texel * 2.0), frame.ray_origin);
         float kernel = ((i & 1) == 0 ? 0.75 : 0.25) * ((i & 2) == 0 ? 0.75 : 0.25);
-        float weight = kernel * reflection_agreement(receiver, p, roughness, there, ray, tap.roughness);
+        float weight = kernel * reflection_agreement(reflector, there, tap.roughness, vec2(at - own));
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }
     return mean_reflection(sum, roughness);
@@ -50,11 +50,10 @@ void shade(ivec2 px) {
     out_glossy_light = own;
     if (own.roughness < 0.0) return;
     Surface receiver = load_surface(px);
-    vec3 p = position_from_ray(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin),
-                               receiver.view_depth);
-    Reflection light = denoised(px, receiver, p, own);
+    Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin));
+    Reflection light = denoised(px, receiver, plane, own);
 #ifdef HAS_COARSE
-    Reflection coarse = from_coarser(px, receiver, p, own.roughness);
+    Reflection coarse = from_coarser(px, receiver, plane, own.roughness);
     float deviation = light.spread * luminance(light.radiance) + coarse.spread * luminance(coarse.radiance);
     light.radiance += coarse.radiance;
     light.spread = deviation / max(luminance(light.radiance), 1e-12);

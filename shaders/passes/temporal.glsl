@@ -1,17 +1,15 @@
 // Reverse reprojection: each pixel looks up where its surface was in the last frame and goes on with the
-// running mean that it finds there. alpha of the history: number of frames in the mean.
+// running means that it finds there, of irradiance and of what glossy surfaces reflect. Both in one pass, since most of
+// the work is the same. alpha of the irradiance: number of frames in the mean.
 #include "lib/reproject.glsl"
+#ifdef HAS_GLOSSY_LIGHT
+#include "passes/glossy_to_image.glsl"
+#endif
 
-void shade(ivec2 px) {
-    out_irradiance = vec4(0.0);
-    Surface surface = load_surface(px);
-    if (surface.view_depth <= 0.0) return;
+vec4 averaged_irradiance(ivec2 px, Previous previous) {
     vec3 current = load_upsample(px);
-    out_irradiance = vec4(current, 1.0);
-    if (frame.history_frames == 0) return;
-
     vec4 history;
-    if (!find_history(px, surface, 0.8, history)) return;
+    if (frame.history_frames == 0 || !find_history(previous, history)) return vec4(current, 1.0);
 
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
     // which the upsampling has smoothed, is far from the mean, the mean is shortened.
@@ -20,5 +18,41 @@ void shade(ivec2 px) {
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
     float longest = mix(float(frame.history_frames), 2.0, smoothstep(0.5, 0.9, change));
     float count = min(history.a + 1.0, longest);
-    out_irradiance = vec4(mix(history.rgb, current, 1.0 / count), count);
+    return vec4(mix(history.rgb, current, 1.0 / count), count);
+}
+
+#ifdef HAS_GLOSSY_LIGHT
+// frames: in the mean of the irradiance, which is that of the reflection's, too.
+vec3 averaged_reflection(ivec2 px, Surface surface, Previous previous, float frames) {
+    vec4 specular = load_specular(px);
+    if (!is_reflecting(specular)) return vec3(0.0);
+    Reflection now = reflection_at(px, surface, specular.a);
+    // Tighter in normal than for irradiance: a mirror direction turns twice as far
+    vec3 weights = alike(previous, 0.9);
+    float total = weights.x + weights.y + weights.z;
+    if (frames <= 1.0 || total < LEAST_FOUND) return now.radiance;
+    vec3 history = vec3(0.0);
+    for (int i = 0; i < 3; ++i) history += load_reflection_history(previous.at[i]) * (weights[i] / total);
+    // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
+    float still = 1.0 - smoothstep(0.25, 1.0, length(previous.moved));
+    float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
+    // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
+    // rare peaks were cut off and the mean fell by 1 %
+    vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);
+    return mix(clamp(history, low, high), now.radiance, 1.0 / count);
+}
+#endif
+
+void shade(ivec2 px) {
+    out_irradiance = vec4(0.0);
+#ifdef HAS_GLOSSY_LIGHT
+    out_reflection = vec3(0.0);
+#endif
+    Surface surface = load_surface(px);
+    if (surface.view_depth <= 0.0) return;
+    Previous previous = find_previous(px, surface);
+    out_irradiance = averaged_irradiance(px, previous);
+#ifdef HAS_GLOSSY_LIGHT
+    out_reflection = averaged_reflection(px, surface, previous, out_irradiance.a);
+#endif
 }

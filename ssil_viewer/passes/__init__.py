@@ -22,8 +22,8 @@ from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, ShadowRays, Direct, UnseenLight, UnseenSums,
                                  UnseenDraw, UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
-                                 MipmapRadiance, Gather, Upsample, AddBounces, Temporal, GlossyGather, GlossyUpsample,
-                                 GlossyResolve, Composite)
+                                 MipmapRadiance, Gather, Upsample, AddBounces, GlossyGather, GlossyUpsample,
+                                 GlossyResolve, Temporal, Composite)
 
 __all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
            "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapRadiance", "Pass", "Read", "Reflect",

@@ -22,8 +22,8 @@ class Composite(ScreenPass):
     shader = "passes/composite.glsl"
     reads = {"direct": Read.of("direct"), "albedo": Read.of("albedo", optional=True),
              "irradiance": Read.of("irradiance", "all_bounces", "upsample", optional=True),
-             "reflection": Read.of("reflection", optional=True), "surface": Read.of("surface", optional=True),
-             "specular": Read.of("specular", optional=True)}
+             "reflection": Read.of("reflection", "reflection_now", optional=True),
+             "surface": Read.of("surface", optional=True), "specular": Read.of("specular", optional=True)}
     writes = {
         "final": Target("rgba16f", "radiance towards the camera, W m^-2 sr^-1", optional=True, cropped=True),
         "glossy": Target("rgba16f", "what glossy reflection of indirect light adds to `final`, W m^-2 sr^-1",

@@ -2,24 +2,52 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Iterable
+
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Read, ScreenPass
+from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pass_runner import Frame
+
+
+def averages_reflections(settings: Settings) -> bool:
+    """Whether the reflections are a mean over frames."""
+    return settings.temporal and uses_glossy(settings)
 
 
 class Temporal(ScreenPass):
-    """Running mean of the irradiance along each surface point's way over the screen.
+    """Running means along each surface point's way over the screen, of irradiance and of what glossy surfaces reflect.
 
     Source: Nehab et al. 2007, "reverse reprojection caching". History is refused where depth or normal differ,
-    relative to depth, and shortened where the light changed.
+    relative to depth, and shortened where the light changed. That of reflections is held within what the neighbours
+    reflect now, as temporal antialiasing does (Karis 2014); it follows the reflecting surface, not what is seen in it.
     """
 
     name = "temporal"
     shader = "passes/temporal.glsl"
     reads = {"surface": Read.of("surface"), "upsample": Read.of("all_bounces", "upsample"), "motion": Read.of("motion"),
-             "previous_surface": Read.of("surface@previous"), "history": Read.of("irradiance@previous")}
+             "previous_surface": Read.of("surface@previous"), "history": Read.of("irradiance@previous"),
+             "specular": Read.of("specular", optional=True),
+             "start_surface": Read.of("surface", offset="start", optional=True),
+             "glossy_light": Read.of("glossy_light", offset="start", optional=True),
+             "reflection_history": Read.of("reflection@previous", optional=True)}
     writes = {"irradiance": Target("rgba16f", "irradiance, mean over frames, W m^-2; alpha: number of frames",
-                                   history=True)}
+                                   history=True),
+              "reflection": Target("rgb9e5", "radiance reflected for a reflectance of 1, mean over frames, "
+                                   "W m^-2 sr^-1", history=True, exists=averages_reflections)}
+    uniforms = {"texel": "float"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.temporal and settings.bounces > 0
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        settings = frame.settings
+        if averages_reflections(settings):
+            yield Dispatch(0, {"texel": float(2**settings.start_level)},
+                           (switch("UPSAMPLING", settings.upsampling, ("bilateral", "nearest")),))
+        else:
+            yield Dispatch(0, omit=frozenset({"specular", "start_surface", "glossy_light", "reflection_history",
+                                              "reflection"}))

@@ -186,6 +186,20 @@ def test_it_can_be_switched_off_and_on(make_renderer, settings):
     assert renderer.read("glossy").any()
 
 
+@pytest.mark.parametrize("mode", ["bilateral", "nearest"])
+def test_with_and_without_the_temporal_filter(make_renderer, stage, mode):
+    """Its first frame is that frame alone, by whichever pass; only the targets that are needed exist."""
+    pictures = {}
+    for temporal in (True, False):
+        renderer = make_renderer(floor_and_wall(0.3), (61, 35), stage=stage, temporal=temporal, upsampling=mode)
+        renderer.render(FACING)
+        pictures[temporal] = renderer.read("reflection")
+        needed = renderer.target_bytes()
+        assert (needed["reflection"] > 0) == temporal and (needed["reflection_now"] > 0) != temporal
+    assert pictures[True].max() > 0
+    assert (pictures[True] == pictures[False]).all()
+
+
 def test_what_is_shown(make_renderer):
     """`show` glossy is black where nothing reflects, and indirect holds it."""
     renderer = make_renderer(floor_and_wall(0.3), (64, 36), temporal=False)
