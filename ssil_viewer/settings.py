@@ -70,6 +70,11 @@ class KnobInfo:
         """The command-line flag, with its leading dashes."""
         return "--" + (self.knob.flag or self.name.replace("_", "-"))
 
+    @property
+    def span(self) -> str:
+        """Smallest and largest value of a number, in words."""
+        return f"{self.knob.low:.10g} to {self.knob.high:.10g}"
+
     def check(self, value: Any) -> Any:
         """The value in the setting's own type, or UserError when it does not fit.
 
@@ -86,11 +91,11 @@ class KnobInfo:
                 raise UserError(f"{self.name} cannot be {str(value)!r}", self.flag, hint)
             return value
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise self._misfit(value, f"a number from {self.knob.low:g} to {self.knob.high:g}")
+            raise self._misfit(value, f"a number from {self.span}")
         if self.type is int and value != int(value):
             raise self._misfit(value, "a whole number")
         if not self.knob.low <= value <= self.knob.high:
-            raise self._misfit(value, f"a value from {self.knob.low:g} to {self.knob.high:g}")
+            raise self._misfit(value, f"a value from {self.span}")
         if self.type is int and (value - self.knob.low) % self.knob.step:
             raise self._misfit(value, f"a multiple of {self.knob.step}")
         return self.type(value)
@@ -280,6 +285,9 @@ def load_settings(path: Path, base: Settings | None = None) -> Settings:
         raise UserError("settings file cannot be read", str(path), error.strerror or str(error)) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError("settings file is not valid TOML", str(path), str(error)) from error
+    if tables := [name for name, value in values.items() if isinstance(value, dict)]:
+        raise UserError(f"there are no tables in a file of settings: [{tables[0]}]", str(path),
+                        "write name = value lines without headings")
     return (base or Settings()).replaced(values, str(path))
 
 

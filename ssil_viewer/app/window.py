@@ -115,6 +115,7 @@ class Viewer:
         self._held: set[int] = set()
         self._drag: int | None = None
         self._cursor = (0.0, 0.0)
+        self._cursor_is_known = False
         self._last_click = (-1.0, (0.0, 0.0))
         self._last_reading = 0.0
         self._rendered = False
@@ -392,7 +393,7 @@ class Viewer:
         self._pacer.event(time.perf_counter())
         # The window reports whole units; the drag is taken from positions, so that nothing is lost.
         dx, dy = x - self._cursor[0], y - self._cursor[1]
-        self._cursor = (x, y)
+        self._cursor, self._cursor_is_known = (x, y), True
         self._input.move(x, y)
         if self._drag is None:
             return
@@ -408,7 +409,10 @@ class Viewer:
 
     def _on_press(self, x: float, y: float, button: int) -> None:
         self._pacer.event(time.perf_counter())
-        self._cursor = (x, y)
+        # Where the mouse is now, not where the button went down: after a slow frame that is where a quick drag ended
+        if not self._cursor_is_known:
+            self._cursor, self._cursor_is_known = (x, y), True
+        x, y = self._cursor
         self._input.move(x, y)
         self._input.button(button, True)
         if imgui.get_io().want_capture_mouse:

@@ -173,7 +173,8 @@ def print_tables(done: Comparison) -> None:
     table("irradiance of the whole image", ("bias", "relative RMSE", "correlation"), [
         (name, _share(x["bias"]), _number(x["relative_rmse"]), _number(x["correlation"]))
         for name, x in result.get("whole_image", {}).items()])
-    table("what the error consists of", ("relative RMSE",), [
+    over = next((name for name in ("R3", "R2", "R1", "R3_visible") if name in result["irradiance"]), "")
+    table(f"what the error consists of: rms differences over the mean of {over}", ("difference",), [
         (_MEANINGS[name], _number(value)) for name, value in result["differences"].items()])
     table("image against R3", ("relative RMSE", "FLIP"), [
         (name.replace("_", " "), _number(x["relative_rmse"]), _number(x.get("flip")))
@@ -187,8 +188,11 @@ def print_tables(done: Comparison) -> None:
         equal = methods["equal_time"]
         table(f"methods with the samples that take about the {equal['ms']:.3g} ms of {equal['to']}", _METHOD_HEAD,
               _method_rows(equal["rows"]))
+    together: dict[float, list[str]] = {}       # R1 and R2 are made in one go
     for name, seconds in result["seconds"].items():
-        console.print(f"{name}: {seconds:.0f} s", highlight=False)
+        together.setdefault(seconds, []).append(name)
+    for seconds, names in together.items():
+        console.print(f"{' and '.join(names)}: {seconds:.0f} s", highlight=False)
 
 
 _MEANINGS = {

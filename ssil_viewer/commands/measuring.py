@@ -60,9 +60,23 @@ def open_scene(args: argparse.Namespace, renderer: Renderer) -> Camera:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, int, int], None]]:
-    """Yields a function that is told what is being done, how much of it is done, and of how much."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    """Yields a function that is told what is being done, how much of it is done, and of how much.
+
+    Without a terminal, each new thing that is done has a line of its own.
+    """
+    if sys.stderr is None:
         yield lambda what, done, total: None
+        return
+    if not sys.stderr.isatty():
+        last = ""
+
+        def say(what: str, done: int, total: int) -> None:
+            nonlocal last
+            if what and what != last:
+                last = what
+                print(f"{what} ...", file=sys.stderr, flush=True)
+
+        yield say
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

@@ -59,7 +59,7 @@ class Parser(argparse.ArgumentParser):
 
     def _nearest(self, name: str) -> str:
         known = [flag for action in self._actions for flag in action.option_strings]
-        near = difflib.get_close_matches(name, known, 1)
+        near = difflib.get_close_matches(name, known, 1, 0.7)
         return f"did you mean {near[0]}?" if near else f"see {self.prog} --help"
 
     def _join_negative_values(self, arguments: Sequence[str]) -> list[str]:
@@ -81,7 +81,7 @@ class Parser(argparse.ArgumentParser):
 
 def add_scene(parser: Parser, default: str | None = None) -> None:
     """Adds the SCENE argument, and the flags for light that comes from other files."""
-    text = "a .gltf, .glb, .obj, .ply or .stl file, or builtin:NAME (see ssil-viewer scenes)"
+    text = "a .gltf, .glb, .obj, .ply, .stl, .off, .3mf or .dae file, or builtin:NAME (see ssil-viewer scenes)"
     light = parser.add_argument_group("light")
     light.add_argument("--lights", metavar="FILE", help="a TOML file of lights, in place of the scene's own; see "
                        "docs/lights.md")
@@ -130,5 +130,5 @@ def add_setting_flags(parser: Parser) -> None:
             text += f" Default {info.default}."
         else:
             shape = "N" if info.type is int else "X"
-            text += f" {info.knob.low:g} to {info.knob.high:g}, default {info.default:g}."
+            text += f" {info.span}, default {info.default:.10g}."
         groups[title].add_argument(info.flag, type=values.knob_value(info), metavar=shape, help=text, **common)

@@ -39,7 +39,7 @@ def knob_value(info: KnobInfo) -> Callable[[str], Any]:
         value = number(text)
         if value is None:
             wanted = "a whole number" if info.type is int else "a number"
-            span = f"{wanted} from {info.knob.low:g} to {info.knob.high:g}"
+            span = f"{wanted} from {info.span}"
             raise UserError(f"{info.name} cannot be {text!r}", info.flag, f"give {span}")
         return info.check(value)
 

@@ -33,7 +33,11 @@ def run(args: argparse.Namespace) -> None:
     camera = shared.camera_of(args, scene)
     check_display()
 
-    from ssil_viewer.app.window import run_window
+    try:
+        from ssil_viewer.app.window import run_window
+    except ImportError as error:    # of a library of the system that some package loads
+        raise UserError("the window needs a library that is missing", str(error),
+                        "on Debian and Ubuntu install libgl1, libx11-6 and libxext6") from error
 
     run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
                reference=args.reference or "off", other=other)

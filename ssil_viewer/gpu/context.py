@@ -47,7 +47,7 @@ def create_headless_context() -> moderngl.Context:
         context = moderngl.create_context(standalone=True, require=330, **backend)
     except Exception as error:  # glcontext raises bare Exception for every cause
         reason = " ".join(str(error).split()) or type(error).__name__
-        advice = ("install libegl1 and a driver (libgl1-mesa-dri renders without a GPU)" if backend
+        advice = ("install libegl1, libgl1, libx11-6 and a driver (libgl1-mesa-dri renders without a GPU)" if backend
                   else "update the graphics driver")
         raise UserError(f"{needed} is needed and could not be opened ({reason})", "", advice) from error
     read_capabilities(context)

@@ -32,8 +32,11 @@ def parse_sweep(text: str, read: Callable[[KnobInfo], Callable[[str], Any]]) -> 
     words = [word.strip() for word in values.split(",")]
     if not equals or not all(words):
         raise UserError(f"cannot use {text!r}", _FLAG, f"give values, such as {field}={known[field].default}")
-    found = tuple(_switch(known[field], word) if known[field].type is bool else read(known[field])(word)
-                  for word in words)
+    try:
+        found = tuple(_switch(known[field], word) if known[field].type is bool else read(known[field])(word)
+                      for word in words)
+    except UserError as error:
+        raise UserError(error.what, _FLAG, error.advice) from error
     if len(set(found)) < len(found):
         raise UserError(f"{field} has the same value twice", _FLAG, "give each once")
     return field, found

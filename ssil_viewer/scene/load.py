@@ -55,9 +55,9 @@ def _builtin_path(name: str) -> Path:
     short = name.removeprefix(BUILTIN_PREFIX)
     if short not in BUILTIN_SCENES:
         near = difflib.get_close_matches(short, BUILTIN_SCENES, 1, 0.5)
-        guess = f"did you mean {BUILTIN_PREFIX}{near[0]}? " if near else ""
         known = " ".join(BUILTIN_PREFIX + known for known in BUILTIN_SCENES)
-        raise UserError("there is no such built-in scene", name, f"{guess}There are {known}")
+        raise UserError("there is no such built-in scene", name,
+                        f"did you mean {BUILTIN_PREFIX}{near[0]}?" if near else f"give one of {known}")
     return asset_path("scenes", f"{short}.glb")
 
 
@@ -65,7 +65,9 @@ def _load_file(path: Path, name: str) -> Scene:
     """Dispatches by the first bytes where they tell, else by the extension."""
     try:
         if not path.exists():
-            raise UserError("the scene does not exist", str(path), "check the path")
+            near = difflib.get_close_matches(path.name, BUILTIN_SCENES, 1, 0.7)
+            raise UserError("the scene does not exist", str(path),
+                            f"did you mean {BUILTIN_PREFIX}{near[0]}?" if near else "check the path")
         if not path.is_file():
             raise UserError("the scene is not a regular file", str(path), "give the scene file itself")
         with path.open("rb") as file:

@@ -223,6 +223,19 @@ def test_flying_moves_with_held_keys_and_digits_bring_the_view_back(viewer):
     assert camera.eye == pytest.approx(eye)
 
 
+def test_a_drag_within_one_slow_frame_turns_the_camera(viewer):
+    """When events are handled late, a press is reported with the place where the mouse is by then."""
+    camera, window = viewer.state.camera, viewer.window
+    forward = camera.forward.copy()
+    end = IMAGE_POINT[0] + 80, IMAGE_POINT[1]
+    viewer._on_move(*IMAGE_POINT, 0, 0)
+    turn(viewer)
+    viewer._on_press(*end, window.mouse.left)
+    viewer._on_move(*end, 80, 0)
+    viewer._on_release(*end, window.mouse.left)
+    assert camera.forward @ forward == pytest.approx(np.cos(80 / window.height * np.pi), abs=1e-3)
+
+
 def test_a_double_click_looks_at_the_surface_under_the_cursor(viewer):
     camera = viewer.state.camera
     eye = camera.eye.copy()

@@ -86,7 +86,7 @@ def test_every_setting_can_be_swept(info):
 
 @pytest.mark.parametrize("text, message", [
     ("sample=3", "no setting is called 'sample', --sweep, did you mean samples?"), ("xyzzy=1", "docs/settings.md"),
-    ("samples=0", "samples cannot be 0, --samples, give a value from 1 to 1024"), ("samples=1.5", "a whole number"),
+    ("samples=0", "samples cannot be 0, --sweep, give a value from 1 to 1024"), ("samples=1.5", "a whole number"),
     ("samples", "such as samples=64"), ("samples=", "such as samples=64"), ("samples=1,,2", "such as samples=64"),
     ("visibility=voxl", "did you mean voxel?"), ("temporal=2", "give on or off"), ("samples=4,4", "same value twice"),
     ("samples=nan", "samples cannot be 'nan'"), ("=3", "no setting is called ''"),
