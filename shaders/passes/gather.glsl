@@ -111,7 +111,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     vec2 turn = vec2(cos(strip), sin(strip));
 #ifdef VISIBILITY_RAYS
     uint random = hash(uint(receiver.px.x + (receiver.px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + uint(texel)));
-    Incoming change_near = NO_LIGHT, change = NO_LIGHT;
+    Incoming missing_near = NO_LIGHT, missing = NO_LIGHT;
     Draw drawn[DRAWS];
     for (int r = 0; r < DRAWS; ++r) drawn[r] = NOTHING_DRAWN;
 #endif
@@ -138,7 +138,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
 #ifdef VISIBILITY_RAYS
             float weight = draw_weight(receiver, sender, radiance, strip * place.y);
             int kind = is_hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
-            draw(weight, at_place, strip * place.y, random, drawn[kind]);
+            draw(weight, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
 #endif
             if (is_hidden) factor = 0.0;
             receive(receiver, sender, radiance * factor, light);
@@ -148,12 +148,12 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         }
         near = plus(near, difference(so_far, before));
 #ifdef VISIBILITY_RAYS
-        if (((d + 1) * rays) / directions != (d * rays) / directions)
+        if (((d + 1) * ray_groups) / directions != (d * ray_groups) / directions)
             for (int r = 0; r < DRAWS; ++r) {
-                Incoming change_here = NO_LIGHT;
-                correct(receiver, drawn[r], r != HIDDEN, random, change_here);
-                if (r == SEEN_NEAR) change_near = plus(change_near, change_here);
-                else change = plus(change, change_here);
+                int kind = r % KINDS;
+                Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, random);
+                if (kind == SEEN_NEAR) missing_near = plus(missing_near, found);
+                else missing = plus(missing, found);
                 drawn[r] = NOTHING_DRAWN;
             }
 #endif
@@ -161,12 +161,11 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     }
     light = difference(light, near);
 #ifdef VISIBILITY_RAYS
-    near = plus(near, change_near);
-    light = plus(light, change);
-    // What makes one negative is taken off the other
-    vec3 below = min(near.irradiance, 0.0), below_back = min(near.back_irradiance, 0.0);
-    light = positive(Incoming(light.irradiance + below, light.back_irradiance + below_back, light.directions, light.weights));
+    near = plus(near, missing_near);
+    light = plus(light, missing);
+    // A colour may be negative, where one sample stands for others of another colour
     near = positive(near);
+    light = positive(light);
 #endif
 }
 #else

@@ -27,7 +27,7 @@ _STEP = 3.0         # texels at 720 lines from one sample of a row to the next: 
 _SHORTEST_STEP = 1.0    # texels: less meets texels again, and the more often, the more do they seem to hide one another
 _MOST_STEPS = 64        # beyond, rounding hides more than is found
 _OCTAVE = 3             # a share of the steps: those that look for blockers in each octave before a ring
-_RAY_UNIFORMS = {"rays": "int", "random_seed": "int", **RAY_UNIFORMS}
+_RAY_UNIFORMS = {"ray_groups": "int", "random_seed": "int", **RAY_UNIFORMS}
 _RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
 _FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
@@ -89,10 +89,10 @@ class Gather(ScreenPass):
         first = frame.settings.start_level
         octave_steps = max(rows["steps"] // _OCTAVE, 1)
         rays: dict[str, object] = {}
-        if corrects_visibility(frame.settings) and RAYS <= frame.runner.features:
+        if corrects_visibility(frame.settings) and frame.runner.features >= RAYS:
             of_row = -(-frame.settings.visibility_rays // rows["directions"])
-            chosen += (("VISIBILITY_RAYS", ""), ("MODE", __import__("os").environ.get("MODE", "0")), *[tuple(x.split("=")) for x in __import__("os").environ.get("DEFS", "RATIO=8").split()], ("RAYS_OF_ROW", str(of_row)), *ray_defines(frame))
-            rays = {"rays": frame.settings.visibility_rays // of_row, "random_seed": random_seed(frame),
+            chosen += (("VISIBILITY_RAYS", ""), ("OF_ROW", str(of_row)), *ray_defines(frame))
+            rays = {"ray_groups": -(-frame.settings.visibility_rays // of_row), "random_seed": random_seed(frame),
                     **ray_uniforms(frame)}
         else:
             unread |= _RAY_INPUTS

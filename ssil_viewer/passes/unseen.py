@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Iterable
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
-from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, RAYS, gathers_unseen, random_seed, ray_defines, ray_uniforms
+from ssil_viewer.passes.rays import (
+    RAY_TABLES,
+    RAY_UNIFORMS,
+    RAYS,
+    gathers_unseen,
+    random_seed,
+    ray_defines,
+    ray_uniforms,
+)
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
