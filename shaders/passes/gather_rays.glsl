@@ -23,7 +23,7 @@ const int SEEN = 0, HIDDEN = 1, SEEN_NEAR = 2, KINDS = 3, DRAWS = KINDS * OF_ROW
 
 // A pixel may lie and face otherwise than its texel, so none gets too small a weight, and none brings more than so many
 // times what its texel would: few such would be seen as dots.
-const float BACK = 0.25, SLOPE = 0.2, MOST = 16.0;
+const float BACK = 0.25, SLOPE = 0.2, MOST = 4.0;
 
 // In proportion to what a sample would bring if it is seen.
 float draw_weight(Receiver receiver, Sender sender, vec3 radiance, float texels) {
