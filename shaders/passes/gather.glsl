@@ -105,7 +105,12 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
 void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {
     vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
     int near_steps = near_field * ((steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
-    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+#ifdef VISIBILITY_RAYS
+    float near_end = near_radius;
+#else
+    float near_end = frame.radius * NEAR_RADIUS;
+#endif
+    float inner = near_field == 1 ? near_end : inner_radius;
     Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
     float strip = 2.0 * PI / float(directions);
     vec2 turn = vec2(cos(strip), sin(strip));

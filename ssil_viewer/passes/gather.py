@@ -27,7 +27,8 @@ _STEP = 3.0         # texels at 720 lines from one sample of a row to the next: 
 _SHORTEST_STEP = 1.0    # texels: less meets texels again, and the more often, the more do they seem to hide one another
 _MOST_STEPS = 64        # beyond, rounding hides more than is found
 _OCTAVE = 3             # a share of the steps: those that look for blockers in each octave before a ring
-_RAY_UNIFORMS = {"ray_groups": "int", "random_seed": "int", **RAY_UNIFORMS}
+_NEAR_SHARE, _NEAR_MOST = 1 / 6, 16.0   # of the radius, texels at 720 lines: rays make noise, which what is near keeps
+_RAY_UNIFORMS = {"ray_groups": "int", "near_radius": "float", "random_seed": "int", **RAY_UNIFORMS}
 _RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
 _FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
@@ -93,6 +94,7 @@ class Gather(ScreenPass):
             of_row = -(-frame.settings.visibility_rays // rows["directions"])
             chosen += (("VISIBILITY_RAYS", ""), ("OF_ROW", str(of_row)), *ray_defines(frame))
             rays = {"ray_groups": -(-frame.settings.visibility_rays // of_row), "random_seed": random_seed(frame),
+                    "near_radius": frame.radius * min(_NEAR_SHARE, _NEAR_MOST / frame.settings.radius),
                     **ray_uniforms(frame)}
         else:
             unread |= _RAY_INPUTS
