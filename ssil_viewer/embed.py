@@ -195,7 +195,8 @@ def _own_settings(settings: Settings) -> Settings:
         raise UserError("without a bounce there is no indirect light", "bounces", "give 1")
     if settings.visibility == "voxel":
         raise UserError("voxels need the scene's triangles, and a G-buffer has none", "visibility", "give off")
-    return replace(settings, guard_band=0, bounces=1, feedback=False, unseen_samples=0, glossy_samples=0)
+    return replace(settings, guard_band=0, bounces=1, feedback=False, unseen_samples=0, visibility_rays=0,
+                   glossy_samples=0)
 
 
 def _check_texture(name: str, texture: moderngl.Texture, size: tuple[int, int], dtypes: tuple[str, ...],

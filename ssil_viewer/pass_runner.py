@@ -351,8 +351,9 @@ class PassRunner:
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
         outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
-        variant = Variant(screen_pass.shader, tuple(reads), tuple(screen_pass.tables.items()), tuple(writes),
-                          tuple(screen_pass.uniforms.items()), dispatch.defines)
+        tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
+                            for declared in (screen_pass.tables, screen_pass.uniforms))
+        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes), uniforms, dispatch.defines)
         return variant, inputs, outputs
 
     @staticmethod

@@ -26,7 +26,7 @@ from ssil_viewer.pass_runner import FrameError, PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
-from ssil_viewer.passes.rays import gathers_unseen, traces_rays, traces_shadows
+from ssil_viewer.passes.rays import corrects_visibility, gathers_unseen, traces_rays, traces_shadows
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -302,6 +302,8 @@ class Renderer:
                 found.append("objects have moved: unseen light comes from them, and is hidden by them, where they were")
             if traces_shadows(self._runner.settings):
                 found.append("objects have moved: shadows are those of shadow maps alone, since rays would not follow")
+            if corrects_visibility(self._runner.settings):
+                found.append("objects have moved: horizons alone tell what blocks light, since rays would not follow")
         solids = self._gpu_scene.solids if self._gpu_scene is not None else None
         if solids is not None and (names := solids.open_meshes):
             which = "1 mesh is" if len(names) == 1 else f"{len(names)} meshes are"

@@ -139,6 +139,11 @@ class Settings:
     thickness: Annotated[float, Knob(
         "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
         "blocks.", 0.0, 1.0, group="Visibility")] = 0.1
+    visibility_rays: Annotated[int, Knob(
+        "Pairs of rays per pixel and level against the scene's triangles: one tells how much of what horizon sees is "
+        "seen, one how much of what it hides is hidden, and pixels tell what texels send. Shadows are right in the "
+        "mean, whatever the thickness. No screen-space method does this; 0 switches it off. Cost grows in proportion.",
+        0, 16, affects="resources", group="Visibility")] = 0
     voxel_fill: Annotated[Literal["solid", "surface"], Knob(
         "solid: the inside of closed bodies blocks light, and the surface of what is open. surface: surfaces alone; "
         "thin walls block more surely, slanted ones shadow themselves more easily.", group="Visibility")] = "solid"

@@ -6,5 +6,8 @@ uint hash(uint x) {
     return (word >> 22) ^ word;
 }
 
+// Cheaper; its upper bits are random enough for a few draws after a hash (Knuth's and Lewis's generator).
+uint next_random(uint x) { return x * 1664525u + 1013904223u; }
+
 // In [0, 1), from the upper 24 bits.
 float unit_float(uint bits) { return float(bits >> 8) * (1.0 / 16777216.0); }

@@ -11,6 +11,8 @@ struct Incoming {
     float weights;
 };
 
+const Incoming NO_LIGHT = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+
 // Walks the sample spiral. Spaced evenly in radius, near senders, whose light varies fastest, get most of the samples,
 // and each stands for the area of its own strip of the spiral; spaced evenly in area, as in the talk, all stand for
 // the same (docs/method/gather.md).
@@ -55,10 +57,18 @@ Incoming plus(Incoming a, Incoming b) {
 }
 
 // Rounding makes no light negative.
-Incoming difference(Incoming whole, Incoming part) {
-    return Incoming(max(whole.irradiance - part.irradiance, 0.0), max(whole.back_irradiance - part.back_irradiance, 0.0),
-                    whole.directions - part.directions, max(whole.weights - part.weights, 0.0));
+Incoming positive(Incoming light) {
+    return Incoming(max(light.irradiance, 0.0), max(light.back_irradiance, 0.0), light.directions, max(light.weights, 0.0));
 }
+
+Incoming difference(Incoming whole, Incoming part) {
+    return positive(Incoming(whole.irradiance - part.irradiance, whole.back_irradiance - part.back_irradiance,
+                             whole.directions - part.directions, whole.weights - part.weights));
+}
+
+#ifdef VISIBILITY_RAYS
+#include "passes/gather_rays.glsl"
+#endif
 
 // Bits; less than the half that is sure to do, since senders follow their planes and lie where the row does.
 const float NEARER = 0.35;
@@ -95,10 +105,21 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
 void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {
     vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
     int near_steps = near_field * ((steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
-    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+#ifdef VISIBILITY_RAYS
+    float near_end = near_radius;
+#else
+    float near_end = frame.radius * NEAR_RADIUS;
+#endif
+    float inner = near_field == 1 ? near_end : inner_radius;
     Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
     float strip = 2.0 * PI / float(directions);
     vec2 turn = vec2(cos(strip), sin(strip));
+#ifdef VISIBILITY_RAYS
+    uint random = hash(uint(receiver.px.x + (receiver.px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + uint(texel)));
+    Incoming missing_near = NO_LIGHT, missing = NO_LIGHT;
+    Draw drawn[DRAWS];
+    for (int r = 0; r < DRAWS; ++r) drawn[r] = NOTHING_DRAWN;
+#endif
     for (int d = 0; d < directions; ++d) {
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
@@ -118,16 +139,39 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             vec3 radiance = load_radiance(at);
             float factor = form_factor(sender, strip * place.y);
             uint hidden = hidden_by(half_plane, front, sender.offset, sender.position);
-            if (sees_blocked(blocked, front, NEARER)) factor = 0.0;
+            bool is_hidden = sees_blocked(blocked, front, NEARER);
+#ifdef VISIBILITY_RAYS
+            float weight = draw_weight(receiver, sender, radiance, strip * place.y);
+            int kind = is_hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
+            draw(weight, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
+#endif
+            if (is_hidden) factor = 0.0;
             receive(receiver, sender, radiance * factor, light);
             // Both parts are summed up as one, of which what is near is told apart: two calls would both be paid for
             if (is_near) so_far = light;
             blocked |= hidden;
         }
         near = plus(near, difference(so_far, before));
+#ifdef VISIBILITY_RAYS
+        if (((d + 1) * ray_groups) / directions != (d * ray_groups) / directions)
+            for (int r = 0; r < DRAWS; ++r) {
+                int kind = r % KINDS;
+                Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, random);
+                if (kind == SEEN_NEAR) missing_near = plus(missing_near, found);
+                else missing = plus(missing, found);
+                drawn[r] = NOTHING_DRAWN;
+            }
+#endif
         direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
     }
     light = difference(light, near);
+#ifdef VISIBILITY_RAYS
+    near = plus(near, missing_near);
+    light = plus(light, missing);
+    // A colour may be negative, where one sample stands for others of another colour
+    near = positive(near);
+    light = positive(light);
+#endif
 }
 #else
 // Light of the next `count` samples of the spiral.
@@ -193,7 +237,7 @@ void shade(ivec2 px) {
 #else
     vec2 direction = direction_from_turn(jitter.x);
 #endif
-    Incoming none = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), near = none, light = none;
+    Incoming near = NO_LIGHT, light = NO_LIGHT;
 #if VISIBILITY == 2
     gather_rows(receiver, direction, jitter.y, near, light);
 #else
@@ -205,7 +249,7 @@ void shade(ivec2 px) {
         bool rest = part == 1;
         int count = rest ? frame.samples - near_samples : near_samples;
         Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
-        Incoming sum = none;
+        Incoming sum = NO_LIGHT;
         gather_samples(receiver, count, spiral, sum);
         direction = spiral.direction;
         if (rest) light = sum;

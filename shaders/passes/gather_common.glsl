@@ -80,14 +80,16 @@ struct Disc {
     float above, below;
 };
 
-Disc texel_disc(Sender sender) {
-    vec2 scale = frame.ray_scale * texel;
+// scale: of rays, from texel to texel.
+Disc disc_of_texel(Sender sender, vec2 scale) {
     float facing = max(-dot(sender.normal, sender.offset), 0.0);
     float depth = sender.view_depth;
     // A surface seen at a grazing angle would count for infinitely much: its cosine is held above 1 %.
     return Disc(facing * (scale.x * scale.y * (1.0 / PI)) * (depth * depth * depth),
                 max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)) * sqrt(sender.distance_squared));
 }
+
+Disc texel_disc(Sender sender) { return disc_of_texel(sender, frame.ray_scale * texel); }
 
 // Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`.
 float form_factor(Sender sender, Disc disc, float texels) {

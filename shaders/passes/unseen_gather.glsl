@@ -35,9 +35,6 @@ Candidate look_at_sender(ivec2 at, vec3 position) {
     return Candidate(place.xyz, normal, direction, power.rgb * factor);
 }
 
-// Cheaper than a hash; its upper bits are random enough within one ray (Knuth's and Lewis's generator).
-uint next_random(uint x) { return x * 1664525u + 1013904223u; }
-
 // What a back gets counts for less: few pixels ask for it.
 const float BACK = 0.25;
 

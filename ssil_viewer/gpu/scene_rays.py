@@ -20,7 +20,7 @@ NEAR_SPACINGS = 20.0
 close enough together to stand for what is there; but of what is near, few are drawn, and each brings much: at 3 walls
 behind a sunlit curtain were full of blotches, at 20 they are even."""
 
-ADVICE = "give --unseen-samples 0 --no-shadow-rays"
+ADVICE = "give --unseen-samples 0 --visibility-rays 0 --no-shadow-rays"
 _FIELDS = ("position", "normal", "albedo", "emission")
 
 

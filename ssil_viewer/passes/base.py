@@ -45,7 +45,7 @@ class Dispatch:
         level: Pyramid level written.
         uniforms: Values of the loose uniforms.
         defines: Preprocessor definitions: each combination is a program of its own.
-        omit: GLSL names of optional reads and writes that this run does without.
+        omit: GLSL names of optional reads and writes, tables and uniforms that this run does without.
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
     """
 

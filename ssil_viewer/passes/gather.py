@@ -7,6 +7,15 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.rays import (
+    RAY_TABLES,
+    RAY_UNIFORMS,
+    RAYS,
+    corrects_visibility,
+    random_seed,
+    ray_defines,
+    ray_uniforms,
+)
 from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
@@ -18,6 +27,9 @@ _STEP = 3.0         # texels at 720 lines from one sample of a row to the next: 
 _SHORTEST_STEP = 1.0    # texels: less meets texels again, and the more often, the more do they seem to hide one another
 _MOST_STEPS = 64        # beyond, rounding hides more than is found
 _OCTAVE = 3             # a share of the steps: those that look for blockers in each octave before a ring
+_NEAR_SHARE, _NEAR_MOST = 1 / 6, 16.0   # of the radius, texels at 720 lines: rays make noise, which what is near keeps
+_RAY_UNIFORMS = {"ray_groups": "int", "near_radius": "float", "random_seed": "int", **RAY_UNIFORMS}
+_RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
 _FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
 
@@ -49,13 +61,17 @@ class Gather(ScreenPass):
              "blockers": Read.of("surface", offset="start", optional=True),
              "unseen": Read.of("unseen", optional=True),
              "voxels": Read.of("voxels", optional=True), "voxels_far": Read.of("voxels_far", optional=True),
-             "depth_range": Read.of("depth_range", offset=None, optional=True)}
+             "depth_range": Read.of("depth_range", offset=None, optional=True),
+             "image_surface": Read.of("surface", offset=None, optional=True),
+             "image_radiance": Read.of("radiance", offset=None, optional=True),
+             "motion": Read.of("motion", offset=None, optional=True)}
+    tables = RAY_TABLES
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
               "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
                                      "direction; black at the other levels", "gather")}
     per_bounce = True
     uniforms = {"texel": "float", "inner_radius": "float", "near_field": "int", "directions": "int", "steps": "int",
-                "first_texel": "float", "blocking_steps": "int", "octave_steps": "int"}
+                "first_texel": "float", "blocking_steps": "int", "octave_steps": "int", **_RAY_UNIFORMS}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -73,6 +89,18 @@ class Gather(ScreenPass):
         rows = rows_and_steps(frame.settings, frame.radius)
         first = frame.settings.start_level
         octave_steps = max(rows["steps"] // _OCTAVE, 1)
+        rays: dict[str, object] = {}
+        if corrects_visibility(frame.settings) and frame.runner.features >= RAYS and not frame.rays_are_stale:
+            of_row = -(-frame.settings.visibility_rays // rows["directions"])
+            chosen += (("VISIBILITY_RAYS", ""), ("OF_ROW", str(of_row)), *ray_defines(frame))
+            rays = {"ray_groups": -(-frame.settings.visibility_rays // of_row), "random_seed": random_seed(frame),
+                    "near_radius": frame.radius * min(_NEAR_SHARE, _NEAR_MOST / frame.settings.radius),
+                    **ray_uniforms(frame)}
+        else:
+            unread |= _RAY_INPUTS
+        sent = sent_radiance(frame.bounce)
+        if rays and sent:
+            sent |= {"image_radiance": sent["radiance"]}
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
@@ -80,6 +108,6 @@ class Gather(ScreenPass):
             # The near field is a uniform, not a definition: a second program would compile for longer than it saves
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
                                    "first_texel": float(2**first), "octave_steps": octave_steps,
-                                   "blocking_steps": (level - first) * octave_steps, **rows},
+                                   "blocking_steps": (level - first) * octave_steps, **rows, **rays},
                            chosen, frozenset(unread if adds_unseen else unread | {"unseen"}),
-                           sent_radiance(frame.bounce))
+                           sent)

@@ -25,9 +25,20 @@ def traces_shadows(settings: Settings) -> bool:
     return settings.shadow_rays
 
 
+def corrects_visibility(settings: Settings) -> bool:
+    """Whether rays correct what horizons say about visibility."""
+    return settings.visibility_rays > 0 and settings.visibility == "horizon" and settings.bounces > 0
+
+
 def traces_rays(settings: Settings) -> bool:
     """Whether some pass traces rays against the scene's triangles, whose tables take long to make."""
-    return gathers_unseen(settings) or traces_shadows(settings)
+    return gathers_unseen(settings) or traces_shadows(settings) or corrects_visibility(settings)
+
+
+def random_seed(frame: SceneFrame) -> int:
+    """Differs from frame to frame while a temporal filter takes the mean."""
+    settings = frame.settings
+    return (settings.seed * 7919 + (frame.runner.frame_index if settings.temporal else 0)) % 2**31
 
 
 def ray_uniforms(frame: SceneFrame) -> dict[str, object]:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Iterable
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
-from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, RAYS, gathers_unseen, ray_defines, ray_uniforms
+from ssil_viewer.passes.rays import (
+    RAY_TABLES,
+    RAY_UNIFORMS,
+    RAYS,
+    gathers_unseen,
+    random_seed,
+    ray_defines,
+    ray_uniforms,
+)
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -21,12 +29,6 @@ _LIGHT = {**RAY_TABLES, "lights": "sampler2D", "shadow_tiles": "sampler2D", "sha
 _LIGHT_UNIFORMS = {"punctual_lights": "int", "random_seed": "int", **RAY_UNIFORMS}
 
 
-def _random_seed(frame: SceneFrame) -> int:
-    """Differs from frame to frame while a temporal filter takes the mean."""
-    settings = frame.settings
-    return (settings.seed * 7919 + (frame.runner.frame_index if settings.temporal else 0)) % 2**31
-
-
 def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
     defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
     if frame.has_feature("environment"):
@@ -35,7 +37,7 @@ def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
 
 
 def _light_uniforms(frame: SceneFrame) -> dict[str, object]:
-    return {"punctual_lights": frame.lights.punctual_count, "random_seed": _random_seed(frame), **ray_uniforms(frame)}
+    return {"punctual_lights": frame.lights.punctual_count, "random_seed": random_seed(frame), **ray_uniforms(frame)}
 
 
 class _UnseenPass(ScreenPass):
@@ -97,7 +99,7 @@ class UnseenDraw(_UnseenPass):
     uniforms = {"side": "int", "random_seed": "int"}
 
     def dispatches(self, frame: SceneFrame) -> Iterable[Dispatch]:
-        yield Dispatch(0, {"side": DRAWN_SIDE, "random_seed": _random_seed(frame)})
+        yield Dispatch(0, {"side": DRAWN_SIDE, "random_seed": random_seed(frame)})
 
 
 class UnseenGather(_UnseenPass):

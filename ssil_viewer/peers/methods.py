@@ -82,7 +82,7 @@ def our_methods(settings: Settings, size: tuple[int, int]) -> list[Method]:
     base = dataclasses.replace(settings, bounces=1, feedback=False)
     found = [Method("direct_only", "direct light", dataclasses.replace(base, bounces=0), fixed=True)]
     screen = dataclasses.replace(base, unseen_samples=0)
-    single = single_level(screen, size)
+    single = dataclasses.replace(single_level(screen, size), visibility_rays=0)
     found += [Method(f"single_level_{visibility}", f"one level, {visibility}",
                      dataclasses.replace(single, visibility=visibility)) for visibility in ("off", "horizon")]
     if base != screen:
