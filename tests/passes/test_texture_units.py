@@ -16,7 +16,8 @@ MOST = 16
 
 @pytest.mark.parametrize("settings", [
     dict(feedback=True), dict(bounces=4), dict(visibility="voxel", voxel_slices=256),
-    dict(shadow_rays=True, unseen_samples=2), dict(shadow_rays=True, unseen_samples=2, feedback=True)],
+    dict(shadow_rays=True, unseen_samples=2, visibility_rays=2),
+    dict(shadow_rays=True, unseen_samples=2, visibility_rays=2, feedback=True)],
     ids=lambda settings: " ".join(settings))
 def test_no_pass_needs_more_than_there_are(make_renderer, settings):
     """With all that a scene can have: holes, gloss, an environment, lamps with and without area."""

@@ -34,7 +34,7 @@ from ssil_viewer.settings import Settings
 context = create_headless_context()
 scene = load_scene("builtin:glossy")
 size = int(sys.argv[1]), int(sys.argv[2])
-settings = Settings(shadow_rays=True, unseen_samples=1) if sys.argv[4] == "rays" else Settings()
+settings = Settings(shadow_rays=True, unseen_samples=1, visibility_rays=1) if sys.argv[4] == "rays" else Settings()
 if sys.argv[3] == "ahead":
     ahead = Ahead(size, settings, ("final",), FRAME)
     ahead.told.put(scene)
