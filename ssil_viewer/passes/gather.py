@@ -10,6 +10,7 @@ from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.rays import (
     RAY_TABLES,
     RAY_UNIFORMS,
+    RAYS,
     corrects_visibility,
     random_seed,
     ray_defines,
