@@ -32,7 +32,7 @@ SIZE, FRAMES = (1280, 720), 8
 SERIES = "cornell"
 SERIES_SIZE = 640, 360
 # So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
-EFFORT = Effort(path_rays=576, seconds=150.0)
+EFFORT = Effort(path_rays=1296, seconds=150.0)
 DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
 
 

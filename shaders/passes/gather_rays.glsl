@@ -23,7 +23,7 @@ const int SEEN = 0, HIDDEN = 1, SEEN_NEAR = 2, KINDS = 3, DRAWS = KINDS * OF_ROW
 
 // A pixel may lie and face otherwise than its texel, so none gets too small a weight, and none brings more than so many
 // times what its texel would: few such would be seen as dots.
-const float BACK = 0.25, SLOPE = 0.2, MOST = 4.0;
+const float BACK = 0.25, SLOPE = 0.2, MOST = 40.0;
 
 // In proportion to what a sample would bring if it is seen.
 float draw_weight(Receiver receiver, Sender sender, vec3 radiance, float texels) {
@@ -63,6 +63,34 @@ vec3 place_of_receiver(Receiver receiver, inout uint random) {
 // Off its surface, towards the camera.
 vec3 ray_end(vec3 position) { return to_world(position * (1.0 - RAY_LIFT)); }
 
+struct PixelDraw {
+    ivec2 at;
+    vec3 radiance;
+    float share;        // one over the probability
+};
+
+// One of a texel's pixels, in proportion to its light: sunlit edges are a pixel wide, and few draws would meet them.
+PixelDraw draw_pixel(ivec2 texel_at, inout uint random) {
+    int width = int(texel);
+    PixelDraw drawn = PixelDraw(ivec2(0), vec3(0.0), 0.0);
+    float total = 0.0, kept = 0.0;
+    random = hash(random);
+    for (int i = 0; i < width * width; ++i) {
+        ivec2 at = texel_at * width + ivec2(i % width, i / width);
+        vec3 radiance = is_on_screen(at, size_image_surface()) ? load_image_radiance(at) : vec3(0.0);
+        float weight = lobe_weight(radiance);
+        total += weight;
+        random = next_random(random);
+        if (weight > 0.0 && unit_float(random) * total < weight) {
+            drawn.at = at;
+            drawn.radiance = radiance;
+            kept = weight;
+        }
+    }
+    drawn.share = kept > 0.0 ? total / kept : 0.0;
+    return drawn;
+}
+
 // What is missing in the light of all samples that one was drawn from. counted: so far each counts as its texel brings.
 Incoming missing_light(Receiver receiver, Draw drawn, bool counted, inout uint random) {
     Incoming missing = NO_LIGHT;
@@ -73,18 +101,17 @@ Incoming missing_light(Receiver receiver, Draw drawn, bool counted, inout uint r
         Sender sender = look_at_place(receiver, at, drawn.place);
         receive(receiver, sender, load_radiance(at) * (-share * form_factor(sender, drawn.texels)), missing);
     }
-    ivec2 pixel = ivec2(floor(drawn.place * texel));
-    if (!is_on_screen(pixel, size_image_surface())) return missing;
-    Surface surface = load_image_surface(pixel);
-    surface.normal = decode_direction16(load_motion(pixel).w);
+    PixelDraw pixel = draw_pixel(ivec2(floor(drawn.place)), random);
+    if (pixel.share <= 0.0) return missing;
+    Surface surface = load_image_surface(pixel.at);
+    surface.normal = decode_direction16(load_motion(pixel.at).w);
     receiver.position = place_of_receiver(receiver, random);
-    Sender sender = sender_at(receiver, pixel, surface, position_of_pixel(pixel, surface.view_depth));
-    vec3 radiance = load_image_radiance(pixel);
-    if (!is_seen(sender) || radiance == vec3(0.0)) return missing;
-    float factor = form_factor(sender, disc_of_texel(sender, frame.ray_scale), drawn.texels * texel * texel);
+    Sender sender = sender_at(receiver, pixel.at, surface, position_of_pixel(pixel.at, surface.view_depth));
+    if (!is_seen(sender)) return missing;
+    float factor = pixel.share * form_factor(sender, disc_of_texel(sender, frame.ray_scale), drawn.texels);
     float cosine = abs(dot(receiver.normal, sender.offset)) * sender.inverse_distance;
-    factor = min(factor, MOST * drawn.weight / max(lobe_weight(radiance) * cosine, 1e-20));
+    factor = min(factor, MOST * drawn.weight / max(lobe_weight(pixel.radiance) * cosine, 1e-20));
     if (factor > 0.0 && !is_blocked(ray_end(receiver.position), ray_end(sender.position)))
-        receive(receiver, sender, radiance * (share * factor), missing);
+        receive(receiver, sender, pixel.radiance * (share * factor), missing);
     return missing;
 }
