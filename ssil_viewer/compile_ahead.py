@@ -26,7 +26,7 @@ from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
-from ssil_viewer.passes.rays import RAY_TABLES, RAYS, gathers_unseen, traces_rays
+from ssil_viewer.passes.rays import RAYS, gathers_unseen, traces_rays
 from ssil_viewer.pipeline import settings_for
 from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -177,7 +177,7 @@ class Ahead:
         with runner.frame():
             for p in reversed(runner.passes):
                 if isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
-                    if runner.features >= RAYS and frame.rays is None and not RAY_TABLES.keys().isdisjoint(p.tables):
+                    if p.requires >= RAYS and frame.rays is None:
                         continue    # it needs the scene's triangles
                     for dispatch in p.dispatches(frame):
                         if self.stop.is_set() or until():

@@ -74,6 +74,7 @@ class Frame:
     Attributes:
         radius: Of disc and rings in texels of each level.
         tables: Textures that are not targets, by GLSL name.
+        rays, rays_are_stale: As of `SceneFrame`; where there is no scene, there are none.
         has_occlusion_maps: The target `albedo` is there and its alpha darkens indirect light somewhere.
         bounce: Which one the passes that work per bounce are at, from 1 on.
     """
@@ -84,6 +85,8 @@ class Frame:
     tables: dict[str, moderngl.Texture] = field(default_factory=dict)
     has_occlusion_maps: bool = False
     bounce: int = 1
+    rays = None
+    rays_are_stale = False
 
     @property
     def context(self) -> moderngl.Context:

@@ -67,6 +67,14 @@ Incoming difference(Incoming whole, Incoming part) {
 }
 
 #ifdef VISIBILITY_RAYS
+// Of differences of sums: their directions are again a mean of unit vectors before the surface. Others would make lobes
+// that shine a hundred times too bright on some pixel.
+Incoming bounded(Incoming light, vec3 normal) {
+    light.directions -= normal * min(dot(light.directions, normal), 0.0);
+    light.directions *= min(1.0, light.weights * inversesqrt(max(dot(light.directions, light.directions), 1e-30)));
+    return light;
+}
+
 #include "passes/gather_rays.glsl"
 #endif
 
@@ -168,9 +176,9 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
 #ifdef VISIBILITY_RAYS
     near = plus(near, missing_near);
     light = plus(light, missing);
-    // A colour may be negative, where one sample stands for others of another colour
-    near = positive(near);
-    light = positive(light);
+    // Sums may be negative, where one sample stands for others that differ
+    near = bounded(positive(near), receiver.normal);
+    light = bounded(positive(light), receiver.normal);
 #endif
 }
 #else

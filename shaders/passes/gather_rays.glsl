@@ -1,8 +1,8 @@
 // What rays know better than horizons, and pixels better than texels. Of the samples of some rows that horizons call visible, and
 // of those that they call hidden, one each is drawn, in proportion to what it may bring. The pixel that the image has there
 // and a ray tell what it really brings, and that stands for all that it was drawn from. In the mean this is the sum over all
-// pixels with true visibility. Where horizons are right there is no noise from visibility: all of the visible ones are seen,
-// none of the hidden ones; and no sum is negative. Needs what lib/scene_rays.glsl needs, and the reads `image_surface`,
+// pixels with true visibility, but for the limit below and for sums that come out negative and are cut off. Where horizons are
+// right there is no noise from visibility: all of the visible ones are seen, none of the hidden ones. Needs what lib/scene_rays.glsl needs, and the reads `image_surface`,
 // `image_radiance` and `motion`.
 //   ray_groups: of rows. OF_ROW: how often they draw.   random_seed: of the frame.
 #include "lib/hash.glsl"

@@ -103,7 +103,7 @@ def _run_scaling(args: argparse.Namespace, files: measuring.Files) -> None:
     settings = shared.settings_of(args)
     with measuring.renderer_of(args, settings) as renderer:
         camera = measuring.open_scene(args, renderer)
-        with measuring.progress_bar() as show:
+        with measuring.progress_bar(in_pipes=True) as show:
             report = scaling.measure(renderer, camera, args.quick, args.frames, show)
     found = scaling.report_tables(report)
     measuring.print_tables(tables.heading(report), found, scaling.verdicts(report), to_stderr=args.json == "-")

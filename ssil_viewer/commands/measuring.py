@@ -59,12 +59,13 @@ def open_scene(args: argparse.Namespace, renderer: Renderer) -> Camera:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, int, int], None]]:
+def progress_bar(in_pipes: bool = False) -> Iterator[Callable[[str, int, int], None]]:
     """Yields a function that is told what is being done, how much of it is done, and of how much.
 
-    Without a terminal, each new thing that is done has a line of its own.
+    Args:
+        in_pipes: Without a terminal, each new thing that is done has a line of its own: for what takes minutes.
     """
-    if sys.stderr is None:
+    if sys.stderr is None or not (in_pipes or sys.stderr.isatty()):
         yield lambda what, done, total: None
         return
     if not sys.stderr.isatty():

@@ -10,7 +10,6 @@ from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.rays import (
     RAY_TABLES,
     RAY_UNIFORMS,
-    RAYS,
     corrects_visibility,
     random_seed,
     ray_defines,
@@ -90,7 +89,7 @@ class Gather(ScreenPass):
         first = frame.settings.start_level
         octave_steps = max(rows["steps"] // _OCTAVE, 1)
         rays: dict[str, object] = {}
-        if corrects_visibility(frame.settings) and frame.runner.features >= RAYS and not frame.rays_are_stale:
+        if corrects_visibility(frame.settings) and frame.rays is not None and not frame.rays_are_stale:
             of_row = -(-frame.settings.visibility_rays // rows["directions"])
             chosen += (("VISIBILITY_RAYS", ""), ("OF_ROW", str(of_row)), *ray_defines(frame))
             rays = {"ray_groups": -(-frame.settings.visibility_rays // of_row), "random_seed": random_seed(frame),
