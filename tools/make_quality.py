@@ -102,6 +102,9 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
+    older = sorted(name for name, result in found if not result["settings"].get("visibility_rays"))
+    if older:
+        lines += [f"Measured before the preset had `--visibility-rays` and `--shadow-rays`: {', '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
