@@ -11,6 +11,9 @@ from ssil_viewer.errors import UserError
 
 MINIMUM_GL = (3, 3)
 _COMPUTE_GL_CODE = 430
+# What to ask for, best first. Some drivers give exactly what is asked for (NVIDIA's EGL does), others the newest that
+# is compatible (Mesa), so asking for the least would leave the former without compute shaders.
+WANTED_GL = (_COMPUTE_GL_CODE, 410, 330)
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader", "microsoft basic render")
 
 
@@ -43,15 +46,18 @@ def create_headless_context() -> moderngl.Context:
     """
     needed = "OpenGL {}.{} or newer".format(*MINIMUM_GL)
     backend = {"backend": "egl"} if sys.platform.startswith("linux") else {}
-    try:
-        context = moderngl.create_context(standalone=True, require=330, **backend)
-    except Exception as error:  # glcontext raises bare Exception for every cause
-        reason = " ".join(str(error).split()) or type(error).__name__
-        advice = ("install libegl1, libgl1, libx11-6 and a driver (libgl1-mesa-dri renders without a GPU)" if backend
-                  else "update the graphics driver")
-        raise UserError(f"{needed} is needed and could not be opened ({reason})", "", advice) from error
-    read_capabilities(context)
-    return context
+    for code in WANTED_GL:
+        try:
+            context = moderngl.create_context(standalone=True, require=code, **backend)
+        except Exception as error:  # glcontext raises bare Exception for every cause
+            cause = error
+            continue
+        read_capabilities(context)
+        return context
+    reason = " ".join(str(cause).split()) or type(cause).__name__
+    advice = ("install libegl1, libgl1, libx11-6 and a driver (libgl1-mesa-dri renders without a GPU)" if backend
+              else "update the graphics driver")
+    raise UserError(f"{needed} is needed and could not be opened ({reason})", "", advice) from cause
 
 
 def read_capabilities(context: moderngl.Context) -> Capabilities:
