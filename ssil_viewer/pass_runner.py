@@ -16,7 +16,7 @@ from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
-from ssil_viewer.gpu.screen_program import ScreenProgram, Stage, Variant
+from ssil_viewer.gpu.screen_program import ANY_USE, SAMPLING, ScreenProgram, Stage, Variant
 from ssil_viewer.gpu.targets import (
     FORMATS,
     Target,
@@ -98,6 +98,11 @@ class Frame:
         """Pixels of the guard band at the left and at the bottom."""
         return self.runner.band
 
+    @property
+    def gpu_compute(self) -> bool:
+        """Screen passes are compute shaders on a GPU, where threads may share work."""
+        return self.runner.gpu_compute
+
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch) -> None:
         """Run a screen pass's shader once."""
         self.runner.dispatch(screen_pass, dispatch, self.tables)
@@ -148,6 +153,7 @@ class PassRunner:
         frame_index: Frames since the history began.
         timers: The one place that times passes.
         features: What the scene has that not every scene has; see `set_features`.
+        software_form: Compute shaders are written for llvmpipe, not for a GPU.
 
     Raises:
         FrameError: The passes do not fit together.
@@ -162,6 +168,7 @@ class PassRunner:
         if stage == "compute" and not self.capabilities.compute:
             raise UserError("compute shaders need OpenGL 4.3", f"this is {self.capabilities.version}")
         self.stage: Stage = ("compute" if self.capabilities.compute else "fragment") if stage == "auto" else stage
+        self.software_form = self.capabilities.software
         self.passes = tuple(make() for make in passes)
         check_frame(self.passes)
         self._keep = set(keep)
@@ -271,6 +278,8 @@ class PassRunner:
             except BaseException:
                 self.reset_history()    # half a frame is nothing to go on from
                 raise
+            if self.gpu_compute:
+                self.context.memory_barrier(ANY_USE)
 
     def run(self, frame: Frame, view: View, light_count: int = 0,
             background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False) -> None:
@@ -315,6 +324,11 @@ class PassRunner:
             self._traffic[self._running] = self._traffic.get(self._running, 0) + sum(map(texture_bytes, textures))
 
     @property
+    def gpu_compute(self) -> bool:
+        """Screen passes are compute shaders on a GPU, where threads may share work."""
+        return self.stage == "compute" and not self.software_form
+
+    @property
     def band(self) -> tuple[int, int]:
         """Pixels of the guard band at the left and right, and at the bottom and top."""
         return guard_band(self.size, self.settings)
@@ -334,7 +348,10 @@ class PassRunner:
         variant, inputs, outputs = self.bind(screen_pass, dispatch)
         if self._traffic is not None:   # one texture may go by two names
             self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
-        self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms)
+        barrier = ANY_USE
+        if self.gpu_compute:
+            barrier = 0 if dispatch.alone else SAMPLING
+        self.shade(variant, self.targets, {**inputs, **tables}, outputs, dispatch.uniforms, barrier)
 
     def bind(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[
             Variant, dict[str, moderngl.Texture], dict[str, moderngl.Texture]]:
@@ -353,10 +370,13 @@ class PassRunner:
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
-        outputs = {name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level) for name, _ in writes}
+        outputs = {f"{name}_{n}" if n else name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level + n)
+                   for n in range(dispatch.levels) for name, _ in writes}
         tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
                             for declared in (screen_pass.tables, screen_pass.uniforms))
-        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes), uniforms, dispatch.defines)
+        parts = dispatch.parts if self.gpu_compute else 1
+        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes), uniforms, dispatch.defines, parts,
+                          dispatch.levels, dispatch.overlap)
         return variant, inputs, outputs
 
     @staticmethod
@@ -367,15 +387,15 @@ class PassRunner:
         raise FrameError(f"none of {', '.join(read.targets)} is written under these settings")
 
     def shade(self, variant: Variant, targets: TargetSet, inputs: dict[str, moderngl.Texture],
-              outputs: dict[str, moderngl.Texture], uniforms: dict[str, object]) -> None:
+              outputs: dict[str, moderngl.Texture], uniforms: dict[str, object], barrier: int = ANY_USE) -> None:
         """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
         if variant not in self._programs:
             self.timers.disturb()
             self._programs[variant] = self._compile(variant)
-        self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound)
+        self._programs[variant].run(targets, inputs, outputs, uniforms, self._bound, barrier)
 
     def _compile(self, variant: Variant) -> ScreenProgram:
-        return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.capabilities.software)
+        return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.software_form)
 
     def texture_units(self) -> dict[str, int]:
         """Shader file -> the most textures that any of its programs binds through samplers."""

@@ -1,5 +1,6 @@
 // Sample patterns.
 
+const float GOLDEN_ANGLE = 2.399963229728653;
 const float GOLDEN_ANGLE_COS = -0.7373688780783197;   // cos and sin of pi (3 - sqrt 5), the Vogel spiral's step
 const float GOLDEN_ANGLE_SIN = 0.6754902942615238;
 
@@ -15,13 +16,16 @@ vec2 interleaved_4x4(ivec2 px) {
     return (vec2(bayer, other) + 0.5) * (1.0 / 16.0);
 }
 
-vec2 direction_from_turn(float turn) {
-    float angle = turn * 6.283185307179586;
-    return vec2(cos(angle), sin(angle));
+vec2 direction_from_angle(float angle) { return vec2(cos(angle), sin(angle)); }
+
+vec2 direction_from_turn(float turn) { return direction_from_angle(turn * 6.283185307179586); }
+
+// Rotation by the angle of another direction.
+vec2 rotated(vec2 direction, vec2 turn) {
+    return vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
 }
 
+vec2 turned(vec2 direction, float angle) { return rotated(direction, direction_from_angle(angle)); }
+
 // One step of the Vogel spiral: rotation by the golden angle without sine or cosine.
-vec2 golden_rotation(vec2 direction) {
-    return vec2(direction.x * GOLDEN_ANGLE_COS - direction.y * GOLDEN_ANGLE_SIN,
-                direction.x * GOLDEN_ANGLE_SIN + direction.y * GOLDEN_ANGLE_COS);
-}
+vec2 golden_rotation(vec2 direction) { return rotated(direction, vec2(GOLDEN_ANGLE_COS, GOLDEN_ANGLE_SIN)); }

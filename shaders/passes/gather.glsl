@@ -3,6 +3,7 @@
 #include "lib/lobe.glsl"
 #include "lib/sampling.glsl"
 #include "passes/gather_common.glsl"
+#include "lib/parts.glsl"
 
 struct Incoming {
     vec3 irradiance;        // over pi
@@ -50,12 +51,20 @@ void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming lig
     light.weights += weight;
 }
 
-#if VISIBILITY == 2
 Incoming plus(Incoming a, Incoming b) {
     return Incoming(a.irradiance + b.irradiance, a.back_irradiance + b.back_irradiance, a.directions + b.directions,
                     a.weights + b.weights);
 }
 
+#if PARTS > 1
+Incoming of_all_parts(Incoming light) {
+    PartSum sum = sum_of_parts(PartSum(vec4(light.irradiance, light.weights), vec4(light.back_irradiance, 0.0),
+                                       vec4(light.directions, 0.0)));
+    return Incoming(sum.a.rgb, sum.b.rgb, sum.c.rgb, sum.a.a);
+}
+#endif
+
+#if VISIBILITY == 2
 // Rounding makes no light negative.
 Incoming positive(Incoming light) {
     return Incoming(max(light.irradiance, 0.0), max(light.back_irradiance, 0.0), light.directions, max(light.weights, 0.0));
@@ -121,14 +130,17 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     float inner = near_field == 1 ? near_end : inner_radius;
     Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
     float strip = 2.0 * PI / float(directions);
-    vec2 turn = vec2(cos(strip), sin(strip));
+    vec2 turn = vec2(cos(strip * float(PARTS)), sin(strip * float(PARTS)));
+#if PARTS > 1
+    direction = turned(direction, strip * float(part));
+#endif
 #ifdef VISIBILITY_RAYS
     uint random = hash(uint(receiver.px.x + (receiver.px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + uint(texel)));
     Incoming missing_near = NO_LIGHT, missing = NO_LIGHT;
     Draw drawn[DRAWS];
     for (int r = 0; r < DRAWS; ++r) drawn[r] = NOTHING_DRAWN;
 #endif
-    for (int d = 0; d < directions; ++d) {
+    for (int d = part; d < directions; d += PARTS) {
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
         uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
@@ -170,7 +182,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
                 drawn[r] = NOTHING_DRAWN;
             }
 #endif
-        direction = vec2(direction.x * turn.x - direction.y * turn.y, direction.x * turn.y + direction.y * turn.x);
+        direction = rotated(direction, turn);
     }
     light = difference(light, near);
 #ifdef VISIBILITY_RAYS
@@ -185,12 +197,18 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
 // Light of the next `count` samples of the spiral.
 void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Incoming light) {
     vec2 center = vec2(receiver.px) + 0.5;
+#if PARTS > 1
+    // Neighbours in the spiral, so that all threads are about as far out and in the same part of the textures
+    vec2 turn = direction_from_angle(GOLDEN_ANGLE * float(PARTS));
+    spiral.direction = turned(spiral.direction, GOLDEN_ANGLE * float(part));
+    spiral.at += spiral.step * float(part);
+#endif
 #if VISIBILITY == 1
     vec2 scale = frame.ray_scale * texel;
     Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
     VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
 #endif
-    for (int i = 0; i < count; ++i) {
+    for (int i = part; i < count; i += PARTS) {
 #if SPACING == 0
         float radius = spiral.at;
         float texels = 2.0 * PI * radius * spiral.step;             // that this sample stands for
@@ -199,8 +217,12 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         float texels = PI * spiral.step;
 #endif
         ivec2 at = ivec2(floor(center + spiral.direction * radius));
+#if PARTS > 1
+        spiral.direction = rotated(spiral.direction, turn);
+#else
         spiral.direction = golden_rotation(spiral.direction);
-        spiral.at += spiral.step;
+#endif
+        spiral.at += spiral.step * float(PARTS);
         if (!may_see(receiver, at)) continue;
         Sender sender = look_at(receiver, at);
         Disc disc = texel_disc(sender);
@@ -230,40 +252,52 @@ Lobe lobe_of(Incoming light, vec3 normal) {
     return make_lobe(light.irradiance * PI, light.back_irradiance * PI, light.directions, light.weights, normal);
 }
 
+// What this thread finds for a receiver.
+void gather(Receiver receiver, out Incoming near, out Incoming light) {
+    near = NO_LIGHT;
+    light = NO_LIGHT;
+    vec2 jitter = fract(interleaved_4x4(receiver.px) + frame.jitter);
+#if VISIBILITY == 2
+    // Within the angle from one row to the next: a turn by whole rows would be none
+    gather_rows(receiver, direction_from_turn(jitter.x / float(directions)), jitter.y, near, light);
+#else
+    vec2 direction = direction_from_turn(jitter.x);
+    // A single sample is a near one; the rest of the disc then goes without.
+    int near_samples = near_field * ((frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
+    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
+    // First what is near, where there is such a part, then the rest: one call, since compilers inline each one.
+    for (int field = 1 - near_field; field < 2; ++field) {
+        bool rest = field == 1;
+        int count = rest ? frame.samples - near_samples : near_samples;
+        Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
+        Incoming sum = NO_LIGHT;
+        gather_samples(receiver, count, spiral, sum);
+#if PARTS > 1
+        direction = turned(direction, GOLDEN_ANGLE * float(count));
+#else
+        direction = spiral.direction;
+#endif
+        if (rest) light = sum;
+        else near = sum;
+    }
+#endif
+}
+
 void shade(ivec2 px) {
     Lobe dark = Lobe(vec3(0.0), vec3(0.0), 0.0);
     out_gather = dark;
     out_near = dark;
     Surface surface = load_surface(px);
-    if (surface.view_depth <= 0.0) return;
-    vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
-    Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), surface.normal);
-    vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
-#if VISIBILITY == 2
-    // Within the angle from one row to the next: a turn by whole rows would be none
-    vec2 direction = direction_from_turn(jitter.x / float(directions));
-#else
-    vec2 direction = direction_from_turn(jitter.x);
-#endif
     Incoming near = NO_LIGHT, light = NO_LIGHT;
-#if VISIBILITY == 2
-    gather_rows(receiver, direction, jitter.y, near, light);
-#else
-    // A single sample is a near one; the rest of the disc then goes without.
-    int near_samples = near_field * ((frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
-    float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
-    // First what is near, where there is such a part, then the rest: one call, since compilers inline each one.
-    for (int part = 1 - near_field; part < 2; ++part) {
-        bool rest = part == 1;
-        int count = rest ? frame.samples - near_samples : near_samples;
-        Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
-        Incoming sum = NO_LIGHT;
-        gather_samples(receiver, count, spiral, sum);
-        direction = spiral.direction;
-        if (rest) light = sum;
-        else near = sum;
+    if (surface.view_depth > 0.0) {
+        vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+        gather(Receiver(px, position_from_ray(ray, surface.view_depth), surface.normal), near, light);
     }
+#if PARTS > 1
+    if (near_field == 1) near = of_all_parts(near);
+    light = of_all_parts(light);
 #endif
+    if (surface.view_depth <= 0.0) return;
 #ifdef HAS_UNSEEN
     receive_unseen(load_unseen(px), surface.normal, light);
 #endif

@@ -2,6 +2,13 @@
 // sample pattern repeats, plus the sum of the coarser levels brought up by two. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
 
+// Texels of the window; see upsample.glsl
+#ifdef GPU
+const int WINDOW = 25;
+#else
+#define WINDOW window
+#endif
+
 Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
 #if UPSAMPLING == 1
     return own;
@@ -9,7 +16,7 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
     ivec2 last = size_glossy_gather() - 1;
     Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
     ReflectionSum sum = no_reflection();
-    for (int i = 0; i < window; ++i) {
+    for (int i = 0; i < WINDOW; ++i) {
         ivec2 offset = ivec2(i % 5, i / 5) - 2;
         ivec2 at = clamp(px + offset, ivec2(0), last);
         Reflection tap = load_glossy_gather(at);

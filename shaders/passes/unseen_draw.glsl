@@ -6,7 +6,12 @@
 // be dark: such a sender brings nothing.
 void descend(vec4 sums, inout ivec2 at, inout float left) {
     int quarter = 0;
-    while (quarter < 3 && left >= sums[quarter]) left -= sums[quarter++];
+    // `left -= sums[quarter++]` is beyond NVIDIA's compiler (580.159): it subtracts another one
+    for (; quarter < 3; ++quarter) {
+        float part = sums[quarter];
+        if (left < part) break;
+        left -= part;
+    }
     at = 2 * at + ivec2(quarter & 1, quarter >> 1);
 }
 

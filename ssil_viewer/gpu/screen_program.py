@@ -6,6 +6,7 @@ size from `size_NAME()`, and assigns the variables `out_NAME`. Everything else i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +25,12 @@ GROUP = 8, 8    # threads of a compute group in x and y: 64 threads suit the wav
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
+
+ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
+           | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT | moderngl.FRAMEBUFFER_BARRIER_BIT)
+"""What a compute shader stored is there for whatever may follow."""
+SAMPLING = moderngl.TEXTURE_FETCH_BARRIER_BIT
+"""It is there for samplers alone, through which shaders for a GPU read: a NVIDIA H200 takes 2 microseconds less."""
 
 FULL_SCREEN_VERTEX = """#version 330 core
 void main() {
@@ -44,6 +51,14 @@ class Variant:
         writes: (GLSL name, format) of each target written.
         uniforms: (GLSL name, type) of loose uniforms.
         defines: Extra preprocessor definitions.
+        parts: Threads that share the work of one texel, where more than one: PARTS is defined then, `part` tells which
+            one this is, and all of a texel's threads call `shade`. What part 0 assigns is stored. In compute shaders
+            that are not for software OpenGL alone.
+        levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores all
+            but the first by `store_NAME_1(px, value)`, ... LEVELS is defined, and all threads of a group call `shade`,
+            those outside of the image, too. In the same shaders as `parts`.
+        overlap: Texels by which groups of threads reach into one another then, on each side. What a thread outside of
+            `in_group(px)` assigns is not stored. `group_texel()` is the thread's own `px`.
     """
 
     shader: str
@@ -52,6 +67,13 @@ class Variant:
     writes: tuple[tuple[str, str], ...]
     uniforms: tuple[tuple[str, str], ...] = ()
     defines: tuple[tuple[str, str], ...] = ()
+    parts: int = 1
+    levels: int = 1
+    overlap: int = 0
+
+    def level_writes(self) -> tuple[tuple[str, str, int], ...]:
+        """Outputs of all levels: name, format, levels above the first."""
+        return tuple((f"{name}_{n}" if n else name, form, n) for n in range(self.levels) for name, form in self.writes)
 
 
 def _declare_image(access: str, name: str, format_name: str, unit: int) -> str:
@@ -119,19 +141,49 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
         main = ["void main() {", "    shade(ivec2(gl_FragCoord.xy));", *("    " + s for s in stores), "}"]
     else:
         declarations, stores = [], []
-        for at, (name, format_name) in enumerate(variant.writes):
+        for at, (name, format_name, coarser) in enumerate(variant.level_writes()):
             form = FORMATS[format_name]
-            declarations += [_declare_image("writeonly", f"image_{name}", format_name, at), f"{form.glsl} out_{name};"]
-            value = form.store.format("out_" + name)
+            declarations += [_declare_image("writeonly", f"image_{name}", format_name, at)]
+            value = form.store.format("value" if coarser else "out_" + name)
             kind = "uvec4" if form.image.startswith("u") else "vec4"
             padded = {1: f"{kind}({value})", 2: f"{kind}({value}, 0, 0)", 4: value}[form.components]
-            stores.append(f"imageStore(image_{name}, px, {padded});")
+            store = f"imageStore(image_{name}, px, {padded});"
+            if coarser:
+                declarations.append(f"void store_{name}(ivec2 px, {form.glsl} value) {{ {store} }}")
+            else:
+                declarations.append(f"{form.glsl} out_{name};")
+                stores.append(store)
         head = ["#version 430 core",
-                "layout(local_size_x = {}, local_size_y = {}) in;".format(*_group(software)), "#define COMPUTE"]
+                "layout(local_size_x = {}, local_size_y = {}, local_size_z = {}) in;".format(*_group(software),
+                                                                                             variant.parts),
+                "#define COMPUTE"]
+        import os
+        if os.environ.get("SSIL_UNROLL") and any(w in variant.shader for w in os.environ["SSIL_UNROLL"].split(",")):
+            head.insert(1, "#pragma optionNV(unroll all)")
+        if not software:
+            head.append("#define GPU")
         main = ["uniform ivec2 output_size;", "void main() {",
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
+    if stage == "compute" and variant.levels > 1:
+        head += [f"#define LEVELS {variant.levels}", f"#define GROUP {math.prod(_group(software))}"]
+        head += [f"const int OVERLAP = {variant.overlap};",
+                 "ivec2 group_texel() {",
+                 "    return ivec2(gl_GlobalInvocationID.xy) - OVERLAP * (2 * ivec2(gl_WorkGroupID.xy) + 1);", "}",
+                 "bool in_group(ivec2 px) {",
+                 "    ivec2 local = px - group_texel() + ivec2(gl_LocalInvocationID.xy) - OVERLAP;",
+                 "    return all(greaterThanEqual(local, ivec2(0)))"
+                 " && all(lessThan(local, ivec2(gl_WorkGroupSize.xy) - 2 * OVERLAP));", "}"]
+        main = ["void main() {", "    ivec2 px = group_texel();", "    shade(px);", "    if (!in_group(px)) return;",
+                *("    " + s for s in stores), "}"]
+    elif variant.parts > 1:
+        head += [f"#define PARTS {variant.parts}", f"#define GROUP {math.prod(_group(software))}", "int part;"]
+        # All threads of a group meet at its barriers, those outside of the image, too; nothing is stored there
+        # (OpenGL 4.6, 8.26)
+        main = ["uniform ivec2 output_size;", "void main() {",
+                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    part = int(gl_LocalInvocationID.z);",
+                "    shade(min(px, output_size - 1));", "    if (part > 0) return;", *("    " + s for s in stores), "}"]
     body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
     if stage == "compute" and software:
         body += _copied_uniforms(variant, block)
@@ -150,7 +202,7 @@ def _group(software: bool) -> tuple[int, int]:
 def _image_units(variant: Variant, units: int) -> dict[str, int]:
     """Which inputs of a compute shader are read through which image: float tables all or none, then targets."""
     tables = [name for name, kind in variant.tables if kind == FLOAT_TABLE]
-    free = range(len(variant.writes), units)
+    free = range(len(variant.level_writes()), units)
     return dict(zip([*(tables if len(tables) <= len(free) else []), *(name for name, _ in variant.reads)], free))
 
 
@@ -173,6 +225,7 @@ class ScreenProgram:
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
         self._group = _group(software)
+        self._overlap = variant.overlap
         # Image unit of each input that is read through one: outputs have the first ones
         self._images: dict[str, int] = {}
         if self._compute and software:
@@ -194,7 +247,7 @@ class ScreenProgram:
             if f"texture_{name}" in self._program and not (name in self._images and name in tables):
                 self._units[name] = len(self._units)
                 self._program[f"texture_{name}"].value = self._units[name]
-        self._writes = [name for name, _ in variant.writes]
+        self._writes = [name for name, _, _ in variant.level_writes()]
         self._values: dict[str, object] = {}
 
     @property
@@ -203,7 +256,7 @@ class ScreenProgram:
         return len(self._units)
 
     def run(self, targets: TargetSet, inputs: dict[str, moderngl.Texture], outputs: dict[str, moderngl.Texture],
-            uniforms: dict[str, object], bound: dict[int, int]) -> None:
+            uniforms: dict[str, object], bound: dict[int, int], barrier: int = ANY_USE) -> None:
         """Shade every texel of the outputs, which all have one size.
 
         Args:
@@ -211,6 +264,7 @@ class ScreenProgram:
             uniforms: GLSL name -> value.
             bound: Texture unit -> texture name (glo) as bound so far in this frame, kept up to date here:
                 a pass that reads what the last one read binds nothing.
+            barrier: What the outputs must be there for, of moderngl's bits; 0 where what runs next does not touch them.
         """
         for name, unit in self._units.items():
             texture = inputs[name]
@@ -230,11 +284,10 @@ class ScreenProgram:
             for name, at in self._images.items():
                 if name in inputs:      # a table that this variant does without
                     inputs[name].bind_to_image(at, read=True, write=False)
-            groups = tuple(-(-side // threads) for side, threads in zip(size, self._group))
+            groups = tuple(-(-side // (threads - 2 * self._overlap)) for side, threads in zip(size, self._group))
             self._gl.run_compute(self._program, groups)
-            self._context.memory_barrier(moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
-                                         | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT
-                                         | moderngl.FRAMEBUFFER_BARRIER_BIT)
+            if barrier:
+                self._context.memory_barrier(barrier)
         else:
             self._gl.draw_into(targets.framebuffer(outputs[name] for name in self._writes))
             self._vertex_array.render(moderngl.TRIANGLES, 3)

@@ -47,6 +47,10 @@ class Dispatch:
         defines: Preprocessor definitions: each combination is a program of its own.
         omit: GLSL names of optional reads and writes, tables and uniforms that this run does without.
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
+        parts: Threads of a GPU that share the work of one texel, where compute shaders run; see `Variant`.
+        levels: So many are written at once, from `level` on, where compute shaders run on a GPU (`Frame.gpu_compute`).
+        overlap: Texels on each side that groups of threads have in common, where several levels are written.
+        alone: What the next run reads is not written here, so that it may begin before this one has ended.
     """
 
     level: int = 0
@@ -54,6 +58,10 @@ class Dispatch:
     defines: tuple[tuple[str, str], ...] = ()
     omit: frozenset[str] = frozenset()
     targets: dict[str, str] = field(default_factory=dict)
+    parts: int = 1
+    levels: int = 1
+    overlap: int = 0
+    alone: bool = False
 
 
 class Pass:

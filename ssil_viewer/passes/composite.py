@@ -40,7 +40,7 @@ class Composite(ScreenPass):
         if frame.settings.bounces == 0:
             omit |= {"albedo", "irradiance"}
         if not uses_glossy(frame.settings):
-            omit |= {"reflection", "surface", "specular", "glossy"}
+            omit |= {"reflection", "surface", "specular"}   # `glossy`, where it exists, is black
         for name in ("final", "glossy"):
             if name not in omit and frame.has_target(name):
                 defines.append((f"WRITE_{name.upper()}", ""))

@@ -29,6 +29,7 @@ _OCTAVE = 3             # a share of the steps: those that look for blockers in 
 _NEAR_SHARE, _NEAR_MOST = 1 / 6, 16.0   # of the radius, texels at 720 lines: rays make noise, which what is near keeps
 _RAY_UNIFORMS = {"ray_groups": "int", "near_radius": "float", "random_seed": "int", **RAY_UNIFORMS}
 _RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
+_MOST_PARTS = 8     # of 64 texels: 512 threads in a group, 18 KB of shared memory
 _FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
 
@@ -45,6 +46,17 @@ def rows_and_steps(settings: Settings, radius: float) -> dict[str, int]:
     wanted = max(round(settings.radius / _STEP), math.isqrt(samples // 2))
     steps = max(1, min(wanted, _MOST_STEPS, samples // _FEWEST_ROWS, int(radius / _SHORTEST_STEP)))
     return {"directions": samples // steps, "steps": steps}
+
+
+def _parts(settings: Settings, rows: dict[str, int]) -> int:
+    """Threads of a GPU among which the samples of a texel are shared out: a quarter of the image has too few texels to
+    keep a large GPU busy, and a coarse level far fewer. Rows stay whole."""
+    import os
+    if os.environ.get("SSIL_PARTS"): return int(os.environ["SSIL_PARTS"])
+    if settings.visibility != "horizon":
+        return min(_MOST_PARTS, settings.samples)
+    turns = -(-rows["directions"] // _MOST_PARTS)
+    return -(-rows["directions"] // turns)
 
 
 class Gather(ScreenPass):
@@ -100,6 +112,7 @@ class Gather(ScreenPass):
         sent = sent_radiance(frame.bounce)
         if rays and sent:
             sent |= {"image_radiance": sent["radiance"]}
+        parts = 1 if rays else _parts(frame.settings, rows)
         for level in range(first, frame.settings.last_level + 1):
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
@@ -109,4 +122,4 @@ class Gather(ScreenPass):
                                    "first_texel": float(2**first), "octave_steps": octave_steps,
                                    "blocking_steps": (level - first) * octave_steps, **rows, **rays},
                            chosen, frozenset(unread if adds_unseen else unread | {"unseen"}),
-                           sent)
+                           sent, parts, alone=level < frame.settings.last_level)

@@ -90,4 +90,5 @@ class GlossyGather(ScreenPass):
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": 0.0 if level == first else
                                    0.5 * _FADE * radius, "fade": (fade_in, fade_out),
                                    "samples": settings.glossy_samples, **rows}, chosen,
-                           frozenset(unread if frame.has_target("unseen_reflection", level) else unread | {"unseen"}))
+                           frozenset(unread if frame.has_target("unseen_reflection", level) else unread | {"unseen"}),
+                           alone=level < last)

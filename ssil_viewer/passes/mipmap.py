@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from ssil_viewer.pass_runner import Frame
 
 
+_LEVELS_AT_ONCE = 4     # a group of 8x8 threads ends with one texel
+
+
 class Mipmap(ScreenPass):
     """Levels 1 to the last one of depth and normal, by vote.
 
@@ -36,10 +39,15 @@ class Mipmap(ScreenPass):
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
         voted = frame.settings.mip_filter == "vote"
-        for level in range(1, frame.settings.last_level + 1):
+        last = frame.settings.last_level
+        # The first level, which takes most of the time, alone: overlapping groups vote twice along their edges
+        at_once = 2 if frame.gpu_compute else 1
+        for level in (1, *range(2, last + 1, at_once)):
             omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
             # texel: width of a texel that is read, in level-0 pixels
-            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit)
+            levels = min(at_once, last + 1 - level) if level > 1 else 1
+            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit, levels=levels,
+                           overlap=1 if levels > 1 else 0)
 
 
 class MipmapRadiance(ScreenPass):
@@ -59,5 +67,7 @@ class MipmapRadiance(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         defines = (("NEAREST", ""),) if frame.settings.mip_filter == "nearest" else ()
-        for level in range(1, frame.settings.last_level + 1):
-            yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce))
+        last = frame.settings.last_level
+        at_once = _LEVELS_AT_ONCE if frame.gpu_compute else 1
+        for level in range(1, last + 1, at_once):
+            yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce), levels=min(at_once, last + 1 - level))
