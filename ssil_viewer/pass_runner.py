@@ -376,7 +376,7 @@ class PassRunner:
                             for declared in (screen_pass.tables, screen_pass.uniforms))
         parts = dispatch.parts if self.gpu_compute else 1
         variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes), uniforms, dispatch.defines, parts,
-                          dispatch.levels, dispatch.overlap)
+                          dispatch.levels)
         return variant, inputs, outputs
 
     @staticmethod

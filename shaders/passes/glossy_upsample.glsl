@@ -1,6 +1,7 @@
 // Reflected radiance of one level and all coarser ones: the level's own gather, denoised over the 4x4 block in which its
 // sample pattern repeats, plus the sum of the coarser levels brought up by two. UPSAMPLING: 0 bilateral, 1 nearest.
 #include "passes/glossy_common.glsl"
+#include "lib/parts.glsl"
 
 // Texels of the window; see upsample.glsl
 #ifdef GPU
@@ -9,22 +10,30 @@ const int WINDOW = 25;
 #define WINDOW window
 #endif
 
+// The level's own reflection, for the first of the threads that share a texel; of no use where nothing reflects. Every
+// thread calls it.
 Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
 #if UPSAMPLING == 1
     return own;
 #else
-    ivec2 last = size_glossy_gather() - 1;
-    Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
     ReflectionSum sum = no_reflection();
-    for (int i = 0; i < WINDOW; ++i) {
-        ivec2 offset = ivec2(i % 5, i / 5) - 2;
-        ivec2 at = clamp(px + offset, ivec2(0), last);
-        Reflection tap = load_glossy_gather(at);
-        Surface there = load_surface(at);
-        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
-        add_reflection(sum, tap, weight);
+    if (own.roughness >= 0.0) {
+        ivec2 last = size_glossy_gather() - 1;
+        Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
+        for (int i = part; i < WINDOW; i += PARTS) {
+            ivec2 offset = ivec2(i % 5, i / 5) - 2;
+            ivec2 at = clamp(px + offset, ivec2(0), last);
+            Reflection tap = load_glossy_gather(at);
+            Surface there = load_surface(at);
+            float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
+                         * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
+            add_reflection(sum, tap, weight);
+        }
     }
+    PartSum all = sum_of_parts(PartSum(vec4(sum.sum, sum.total), vec4(sum.squares), vec4(0.0)));
+    sum.sum = all.a.rgb;
+    sum.total = all.a.a;
+    sum.squares = all.b.x;
     return measured_reflection(sum, own.roughness);
 #endif
 }
@@ -55,10 +64,10 @@ Reflection from_coarser(ivec2 px, Surface receiver, Plane plane, float roughness
 void shade(ivec2 px) {
     Reflection own = load_glossy_gather(px);
     out_glossy_light = own;
-    if (own.roughness < 0.0) return;
     Surface receiver = load_surface(px);
     Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin));
     Reflection light = denoised(px, receiver, plane, own);
+    if (own.roughness < 0.0) return;
 #ifdef HAS_COARSE
     Reflection coarse = from_coarser(px, receiver, plane, own.roughness);
     float deviation = light.spread * luminance(light.radiance) + coarse.spread * luminance(coarse.radiance);

@@ -4,6 +4,7 @@
 
 #include "lib/bilateral.glsl"
 #include "lib/lobe.glsl"
+#include "lib/parts.glsl"
 
 const float THRESH = 0.01;
 
@@ -37,20 +38,15 @@ Sum plus(Sum a, Sum b) {
     return Sum(a.irradiance + b.irradiance, a.back + b.back, a.direction + b.direction, a.flux + b.flux);
 }
 
+const Sum NO_LIGHT = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+
 #ifdef HAS_GATHER
-// The gather's rotations repeat every 4 texels: this window sees each of the 16 once, whatever its phase.
-Sum denoised(ivec2 px, Surface receiver, Plane plane) {
-#if UPSAMPLING == 1
-    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-    add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
-    add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
-    return sum;
-#else
+// Sum over the texels of a window, and of their weights. The gather's rotations repeat every 4 texels: this window sees
+// each of the 16 once, whatever its phase. Threads that share a texel take a row each.
+void add_window(ivec2 px, Surface receiver, Plane plane, inout Sum sum, inout float total) {
     ivec2 last = size_gather() - 1;
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
-    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-    float total = 0.0;
-    for (int row = 0; row < ROWS; ++row) {
+    for (int row = part; row < ROWS; row += PARTS) {
         int y = clamp(px.y + row - 2, 0, last.y);
         for (int x = -2; x <= 2; ++x) {
             ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
@@ -61,11 +57,22 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
             total += weight;
         }
     }
-    sum = scaled(sum, 1.0 / max(total, 1e-6));
+}
+
+// The level's own light, for the first of the threads that share a texel. Every thread calls it.
+Sum denoised(ivec2 px, Surface receiver, Plane plane) {
+    Sum sum = NO_LIGHT;
+#if UPSAMPLING == 1
+    add(sum, load_gather(px), receiver.normal, receiver.normal, 1.0);
+#else
+    float total = 0.0;
+    if (receiver.view_depth > 0.0) add_window(px, receiver, plane, sum, total);
+    PartSum all = sum_of_parts(PartSum(vec4(sum.irradiance, sum.flux), vec4(sum.back, total), vec4(sum.direction, 0.0)));
+    sum = scaled(Sum(all.a.rgb, all.b.rgb, all.c.rgb, all.a.a), 1.0 / max(all.b.a, 1e-6));
+#endif
     // Light from close by changes from texel to texel, most of all where surfaces meet: it is left as it is.
     add(sum, load_near(px), receiver.normal, receiver.normal, 1.0);
     return sum;
-#endif
 }
 #endif
 
@@ -73,7 +80,7 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
 Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
-    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    Sum sum = NO_LIGHT;
     ivec2 at = min(px / 2, last);
     add(sum, load_coarse(at), load_coarse_surface(at).normal, receiver.normal, 1.0);
     return sum;
@@ -96,7 +103,7 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     float total = weights.x + weights.y + weights.z, missing = max(THRESH - total, 0.0);
     bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
     weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
-    Sum sum = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    Sum sum = NO_LIGHT;
     for (int i = 0; i < 3; ++i) add(sum, load_coarse(taps[i]), normals[i], receiver.normal, weights[i]);
     return scaled(sum, 1.0 / max(total, THRESH));
 #endif
@@ -104,17 +111,19 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
 #endif
 
 void shade(ivec2 px) {
-    Sum light = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    Sum light = NO_LIGHT;
     Surface receiver = load_surface(px);
-    if (receiver.view_depth > 0.0) {
-        Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin));
+    Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin));
 #ifdef HAS_GATHER
-        light = denoised(px, receiver, plane);
+    light = denoised(px, receiver, plane);
 #endif
+#if PARTS > 1
+    if (part > 0) return;
+#endif
+    if (receiver.view_depth <= 0.0) light = NO_LIGHT;
 #ifdef HAS_COARSE
-        light = plus(light, from_coarser(px, receiver, plane));
+    else light = plus(light, from_coarser(px, receiver, plane));
 #endif
-    }
 #ifdef IMAGE_LEVEL
     vec3 irradiance = light.irradiance;
 #ifdef HAS_ALBEDO

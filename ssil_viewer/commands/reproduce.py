@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
         studio.aim(args.scene or "builtin:cornell")
         shared.warn(studio.renderer.scene.warnings)
         head = _head(args, size, machine(studio.renderer))
-        with measuring.progress_bar() as show:
+        with measuring.progress_bar(in_pipes=True) as show:
             results = measure(studio, claims, args.quick, args.scene, show)
     finally:
         studio.close()

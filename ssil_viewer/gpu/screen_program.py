@@ -57,8 +57,6 @@ class Variant:
         levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores all
             but the first by `store_NAME_1(px, value)`, ... LEVELS is defined, and all threads of a group call `shade`,
             those outside of the image, too. In the same shaders as `parts`.
-        overlap: Texels by which groups of threads reach into one another then, on each side. What a thread outside of
-            `in_group(px)` assigns is not stored. `group_texel()` is the thread's own `px`.
     """
 
     shader: str
@@ -69,7 +67,6 @@ class Variant:
     defines: tuple[tuple[str, str], ...] = ()
     parts: int = 1
     levels: int = 1
-    overlap: int = 0
 
     def level_writes(self) -> tuple[tuple[str, str, int], ...]:
         """Outputs of all levels: name, format, levels above the first."""
@@ -157,9 +154,6 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 "layout(local_size_x = {}, local_size_y = {}, local_size_z = {}) in;".format(*_group(software),
                                                                                              variant.parts),
                 "#define COMPUTE"]
-        import os
-        if os.environ.get("SSIL_UNROLL") and any(w in variant.shader for w in os.environ["SSIL_UNROLL"].split(",")):
-            head.insert(1, "#pragma optionNV(unroll all)")
         if not software:
             head.append("#define GPU")
         main = ["uniform ivec2 output_size;", "void main() {",
@@ -168,14 +162,7 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 "    shade(px);", *("    " + s for s in stores), "}"]
     if stage == "compute" and variant.levels > 1:
         head += [f"#define LEVELS {variant.levels}", f"#define GROUP {math.prod(_group(software))}"]
-        head += [f"const int OVERLAP = {variant.overlap};",
-                 "ivec2 group_texel() {",
-                 "    return ivec2(gl_GlobalInvocationID.xy) - OVERLAP * (2 * ivec2(gl_WorkGroupID.xy) + 1);", "}",
-                 "bool in_group(ivec2 px) {",
-                 "    ivec2 local = px - group_texel() + ivec2(gl_LocalInvocationID.xy) - OVERLAP;",
-                 "    return all(greaterThanEqual(local, ivec2(0)))"
-                 " && all(lessThan(local, ivec2(gl_WorkGroupSize.xy) - 2 * OVERLAP));", "}"]
-        main = ["void main() {", "    ivec2 px = group_texel();", "    shade(px);", "    if (!in_group(px)) return;",
+        main = ["void main() {", "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    shade(px);",
                 *("    " + s for s in stores), "}"]
     elif variant.parts > 1:
         head += [f"#define PARTS {variant.parts}", f"#define GROUP {math.prod(_group(software))}", "int part;"]
@@ -225,7 +212,6 @@ class ScreenProgram:
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
         self._group = _group(software)
-        self._overlap = variant.overlap
         # Image unit of each input that is read through one: outputs have the first ones
         self._images: dict[str, int] = {}
         if self._compute and software:
@@ -284,7 +270,7 @@ class ScreenProgram:
             for name, at in self._images.items():
                 if name in inputs:      # a table that this variant does without
                     inputs[name].bind_to_image(at, read=True, write=False)
-            groups = tuple(-(-side // (threads - 2 * self._overlap)) for side, threads in zip(size, self._group))
+            groups = tuple(-(-side // threads) for side, threads in zip(size, self._group))
             self._gl.run_compute(self._program, groups)
             if barrier:
                 self._context.memory_barrier(barrier)

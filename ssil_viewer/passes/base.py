@@ -49,7 +49,6 @@ class Dispatch:
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
         parts: Threads of a GPU that share the work of one texel, where compute shaders run; see `Variant`.
         levels: So many are written at once, from `level` on, where compute shaders run on a GPU (`Frame.gpu_compute`).
-        overlap: Texels on each side that groups of threads have in common, where several levels are written.
         alone: What the next run reads is not written here, so that it may begin before this one has ended.
     """
 
@@ -60,7 +59,6 @@ class Dispatch:
     targets: dict[str, str] = field(default_factory=dict)
     parts: int = 1
     levels: int = 1
-    overlap: int = 0
     alone: bool = False
 
 

@@ -29,7 +29,9 @@ _OCTAVE = 3             # a share of the steps: those that look for blockers in 
 _NEAR_SHARE, _NEAR_MOST = 1 / 6, 16.0   # of the radius, texels at 720 lines: rays make noise, which what is near keeps
 _RAY_UNIFORMS = {"ray_groups": "int", "near_radius": "float", "random_seed": "int", **RAY_UNIFORMS}
 _RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
-_MOST_PARTS = 8     # of 64 texels: 512 threads in a group, 18 KB of shared memory
+# Measured with a NVIDIA H200 at 1280x720 (docs/benchmarks.md): 4 take 0.6 to 0.95 of the time of one thread, other
+# numbers more; 8 with voxels 0.4. Without visibility no number is better than one thread.
+_ROW_PARTS, _VOXEL_PARTS = 4, 8
 _FEWEST_ROWS = 5    # pixels of a 4x4 block turn theirs against one another, which makes 80 directions of them
 
 
@@ -49,14 +51,11 @@ def rows_and_steps(settings: Settings, radius: float) -> dict[str, int]:
 
 
 def _parts(settings: Settings, rows: dict[str, int]) -> int:
-    """Threads of a GPU among which the samples of a texel are shared out: a quarter of the image has too few texels to
-    keep a large GPU busy, and a coarse level far fewer. Rows stay whole."""
-    import os
-    if os.environ.get("SSIL_PARTS"): return int(os.environ["SSIL_PARTS"])
-    if settings.visibility != "horizon":
-        return min(_MOST_PARTS, settings.samples)
-    turns = -(-rows["directions"] // _MOST_PARTS)
-    return -(-rows["directions"] // turns)
+    """Threads of a GPU among which the samples of a texel are shared out: of visibility, where a sample takes long. A
+    quarter of the image has too few texels to keep a large GPU busy, and a coarse level far fewer."""
+    if settings.visibility == "horizon":
+        return _ROW_PARTS if rows["directions"] >= _ROW_PARTS else 1
+    return _VOXEL_PARTS if settings.visibility == "voxel" and settings.samples >= _VOXEL_PARTS else 1
 
 
 class Gather(ScreenPass):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Iterable
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
+from ssil_viewer.passes.upsample import PARTS
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -34,8 +35,9 @@ class GlossyUpsample(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
-        last = frame.settings.last_level
+        last, denoises = frame.settings.last_level, frame.settings.upsampling == "bilateral"
         for level in range(last, frame.settings.start_level - 1, -1):
             omit = frozenset({"coarse", "coarse_surface"}) if level == last else frozenset()
             # The window, 5x5, is a uniform so that compilers keep the loop
-            yield Dispatch(level, {"texel": float(2**level), "window": 25}, (chosen,), omit)
+            yield Dispatch(level, {"texel": float(2**level), "window": 25}, (chosen,), omit,
+                           parts=PARTS if denoises and level > frame.settings.start_level else 1)

@@ -39,15 +39,10 @@ class Mipmap(ScreenPass):
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
         voted = frame.settings.mip_filter == "vote"
-        last = frame.settings.last_level
-        # The first level, which takes most of the time, alone: overlapping groups vote twice along their edges
-        at_once = 2 if frame.gpu_compute else 1
-        for level in (1, *range(2, last + 1, at_once)):
+        for level in range(1, frame.settings.last_level + 1):
             omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
             # texel: width of a texel that is read, in level-0 pixels
-            levels = min(at_once, last + 1 - level) if level > 1 else 1
-            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit, levels=levels,
-                           overlap=1 if levels > 1 else 0)
+            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit)
 
 
 class MipmapRadiance(ScreenPass):

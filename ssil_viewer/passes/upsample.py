@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from ssil_viewer.pass_runner import Frame
 
 
+PARTS = 5
+"""Threads of a GPU that share a texel, one for each row of the window, beyond the starting level: so few texels do not keep
+it busy."""
+
+
 class Upsample(ScreenPass):
     """Cross-bilateral filtering, coarsest level first: denoise a level, add what the coarser ones sum to.
 
@@ -40,7 +45,7 @@ class Upsample(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         chosen = switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest"))
-        last = frame.settings.last_level
+        last, denoises = frame.settings.last_level, frame.settings.upsampling == "bilateral"
         for level in range(last, -1, -1):
             # The image's own level evaluates the light at its normals; the others pass it on as it is
             omit = {f"upsample_{bounce}" for bounce in range(2, MOST_BOUNCES + 1)}
@@ -54,4 +59,5 @@ class Upsample(ScreenPass):
                 omit.add("albedo")
             # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
             yield Dispatch(level, {"texel": float(2**level), "window": 5}, tuple(defines), frozenset(omit),
-                           {"upsample": irradiance_of(frame.bounce)})
+                           {"upsample": irradiance_of(frame.bounce)},
+                           parts=PARTS if denoises and level > frame.settings.start_level else 1)
