@@ -26,10 +26,22 @@ const int SEEN = 0, HIDDEN = 1, SEEN_NEAR = 2, KINDS = 3, DRAWS = KINDS * OF_ROW
 const float BACK = 0.25, SLOPE = 0.2, MOST = 40.0;
 
 // In proportion to what a sample would bring if it is seen.
-float draw_weight(Receiver receiver, Sender sender, vec3 radiance, float texels) {
+float factor_to_draw(Receiver receiver, Sender sender, float texels) {
     float cosine = dot(receiver.normal, sender.offset) * sender.inverse_distance;
     sender.normal -= sender.offset * (SLOPE * sender.inverse_distance);
-    return lobe_weight(radiance) * form_factor(sender, texels) * (max(cosine, -BACK * cosine) + SLOPE);
+    return form_factor(sender, texels) * (max(cosine, -BACK * cosine) + SLOPE);
+}
+
+// Whether from the surface that the vote kept or from where the texel is brightest: light on a narrow edge comes from there.
+float draw_weight(Receiver receiver, Sender sender, vec3 radiance, float texels) {
+    float factor = factor_to_draw(receiver, sender, texels);
+#ifdef HAS_BRIGHTEST
+    Surface surface = load_brightest(sender.px);
+    vec2 ray = ray_from_pixel(vec2(sender.px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
+    Sender bright = sender_at(receiver, sender.px, surface, position_from_ray(ray, surface.view_depth));
+    if (is_seen(bright)) factor = max(factor, factor_to_draw(receiver, bright, texels));
+#endif
+    return lobe_weight(radiance) * factor;
 }
 
 void draw(float weight, vec2 place, float texels, inout uint random, inout Draw drawn) {

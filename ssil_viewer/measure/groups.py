@@ -11,7 +11,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "direct": ("sky", "sky_filter", "shadow_rays", "direct"),
     "voxelization": ("depth_range", "voxelize", "voxel_mipmap"),
     "indirect": ("mipmap", "unseen_light", "unseen_sums", "unseen_draw", "unseen_gather", "unseen_reflect", "reflect",
-                 "mipmap_radiance", "gather", "glossy_gather"),
+                 "mipmap_radiance", "mipmap_brightest", "gather", "glossy_gather"),
     "upsampling_compositing": ("upsample", "add_bounces", "temporal", "glossy_upsample", "glossy_resolve",
                                "composite"),
 }

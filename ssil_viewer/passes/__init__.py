@@ -10,7 +10,7 @@ from ssil_viewer.passes.glossy_gather import GlossyGather
 from ssil_viewer.passes.glossy_resolve import GlossyResolve
 from ssil_viewer.passes.glossy_upsample import GlossyUpsample
 from ssil_viewer.passes.import_gbuffer import ImportGBuffer
-from ssil_viewer.passes.mipmap import Mipmap, MipmapRadiance
+from ssil_viewer.passes.mipmap import Mipmap, MipmapBrightest, MipmapRadiance
 from ssil_viewer.passes.reflect import AddBounces, Reflect
 from ssil_viewer.passes.shadows import ShadowRays, Shadows
 from ssil_viewer.passes.sky import Sky, SkyFilter
@@ -22,11 +22,11 @@ from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, ShadowRays, Direct, UnseenLight, UnseenSums,
                                  UnseenDraw, UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
-                                 MipmapRadiance, Gather, Upsample, AddBounces, GlossyGather, GlossyUpsample,
+                                 MipmapRadiance, MipmapBrightest, Gather, Upsample, AddBounces, GlossyGather, GlossyUpsample,
                                  GlossyResolve, Temporal, Composite)
 
 __all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
-           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapRadiance", "Pass", "Read", "Reflect",
+           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapBrightest", "MipmapRadiance", "Pass", "Read", "Reflect",
            "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter",
            "Temporal", "UnseenDraw", "UnseenGather", "UnseenLight", "UnseenReflect",
            "UnseenSums", "Upsample", "VoxelMipmap", "Voxelize"]

@@ -28,7 +28,7 @@ _MOST_STEPS = 64        # beyond, rounding hides more than is found
 _OCTAVE = 3             # a share of the steps: those that look for blockers in each octave before a ring
 _NEAR_SHARE, _NEAR_MOST = 1 / 6, 16.0   # of the radius, texels at 720 lines: rays make noise, which what is near keeps
 _RAY_UNIFORMS = {"ray_groups": "int", "near_radius": "float", "random_seed": "int", **RAY_UNIFORMS}
-_RAY_INPUTS = frozenset({"image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
+_RAY_INPUTS = frozenset({"brightest", "image_surface", "image_radiance", "motion", *RAY_TABLES, *_RAY_UNIFORMS})
 # Measured with a NVIDIA H200 at 1280x720 (docs/benchmarks.md): 4 take 0.6 to 0.95 of the time of one thread, other
 # numbers more; 8 with voxels 0.4. Without visibility no number is better than one thread.
 _ROW_PARTS, _VOXEL_PARTS = 4, 8
@@ -74,7 +74,8 @@ class Gather(ScreenPass):
              "depth_range": Read.of("depth_range", offset=None, optional=True),
              "image_surface": Read.of("surface", offset=None, optional=True),
              "image_radiance": Read.of("radiance", offset=None, optional=True),
-             "motion": Read.of("motion", offset=None, optional=True)}
+             "motion": Read.of("motion", offset=None, optional=True),
+             "brightest": Read.of("brightest", optional=True)}
     tables = RAY_TABLES
     writes = {"gather": Target("lobe", "light from this level's disc or ring: flux and mean direction", "gather"),
               "near": Target("lobe", "light from the innermost part of the starting level's disc: flux and mean "
@@ -113,6 +114,8 @@ class Gather(ScreenPass):
             sent |= {"image_radiance": sent["radiance"]}
         parts = 1 if rays else _parts(frame.settings, rows)
         for level in range(first, frame.settings.last_level + 1):
+            # At level 0 texels are pixels
+            bright = frozenset() if level else frozenset({"brightest"})
             # The inner half of a ring was covered by the finer level, whose texels are half as wide
             inner = 0.0 if level == first else frame.radius / 2
             adds_unseen = frame.bounce == 1 and frame.has_target("unseen", level)
@@ -120,5 +123,5 @@ class Gather(ScreenPass):
             yield Dispatch(level, {"texel": float(2**level), "inner_radius": inner, "near_field": int(level == first),
                                    "first_texel": float(2**first), "octave_steps": octave_steps,
                                    "blocking_steps": (level - first) * octave_steps, **rows, **rays},
-                           chosen, frozenset(unread if adds_unseen else unread | {"unseen"}),
+                           chosen, frozenset(unread if adds_unseen else unread | {"unseen"}) | bright,
                            sent, parts, alone=level < frame.settings.last_level)

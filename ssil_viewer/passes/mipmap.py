@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.rays import RAYS, corrects_visibility
 from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
@@ -66,3 +67,24 @@ class MipmapRadiance(ScreenPass):
         at_once = _LEVELS_AT_ONCE if frame.gpu_compute else 1
         for level in range(1, last + 1, at_once):
             yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce), levels=min(at_once, last + 1 - level))
+
+
+class MipmapBrightest(ScreenPass):
+    """Levels 1 to the last one of where the brightest pixels are: a texel sends the light of all its pixels, and they may lie
+    elsewhere than the surface that the vote kept."""
+
+    name = "mipmap_brightest"
+    shader = "passes/mipmap_brightest.glsl"
+    reads = {"radiance": Read.of("radiance", offset=-1), "finer": Read.of("surface", offset=-1)}
+    writes = {"brightest": Target("surface", "surface of the brightest pixel of each texel, or nearly so", "coarse",
+                                  exists=corrects_visibility)}
+    requires = RAYS
+    per_bounce = True
+
+    def enabled(self, settings: Settings) -> bool:
+        return corrects_visibility(settings)
+
+    def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        for level in range(1, frame.settings.last_level + 1):
+            finer = {} if level == 1 else {"finer": "brightest"}
+            yield Dispatch(level, targets=sent_radiance(frame.bounce) | finer)
