@@ -153,7 +153,6 @@ class PassRunner:
         frame_index: Frames since the history began.
         timers: The one place that times passes.
         features: What the scene has that not every scene has; see `set_features`.
-        software_form: Compute shaders are written for llvmpipe, not for a GPU.
 
     Raises:
         FrameError: The passes do not fit together.
@@ -168,7 +167,7 @@ class PassRunner:
         if stage == "compute" and not self.capabilities.compute:
             raise UserError("compute shaders need OpenGL 4.3", f"this is {self.capabilities.version}")
         self.stage: Stage = ("compute" if self.capabilities.compute else "fragment") if stage == "auto" else stage
-        self.software_form = self.capabilities.software
+        self._software_form = self.capabilities.software
         self.passes = tuple(make() for make in passes)
         check_frame(self.passes)
         self._keep = set(keep)
@@ -278,8 +277,9 @@ class PassRunner:
             except BaseException:
                 self.reset_history()    # half a frame is nothing to go on from
                 raise
-            if self.gpu_compute:
-                self.context.memory_barrier(ANY_USE)
+            finally:
+                if self.gpu_compute:
+                    self.context.memory_barrier(ANY_USE)
 
     def run(self, frame: Frame, view: View, light_count: int = 0,
             background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False) -> None:
@@ -292,6 +292,8 @@ class PassRunner:
         for p, frame.bounce in self._schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):
+                if frame.bounce > 1 and self.gpu_compute:   # it writes what the bounce before has read
+                    self.context.memory_barrier(ANY_USE)
                 p.execute(frame)
         self._previous = view
         self.frame_index += 1
@@ -322,6 +324,16 @@ class PassRunner:
         """The pass that runs reads or writes these textures once."""
         if self._traffic is not None:
             self._traffic[self._running] = self._traffic.get(self._running, 0) + sum(map(texture_bytes, textures))
+
+    @property
+    def software_form(self) -> bool:
+        """Compute shaders are written for llvmpipe, not for a GPU. For tests, which may change it."""
+        return self._software_form
+
+    @software_form.setter
+    def software_form(self, software: bool) -> None:
+        self._release_programs()
+        self._software_form = software
 
     @property
     def gpu_compute(self) -> bool:
@@ -389,6 +401,8 @@ class PassRunner:
     def shade(self, variant: Variant, targets: TargetSet, inputs: dict[str, moderngl.Texture],
               outputs: dict[str, moderngl.Texture], uniforms: dict[str, object], barrier: int = ANY_USE) -> None:
         """Run any screen shader, compiled on first use. `targets` owns the outputs; see `ScreenProgram.run`."""
+        if barrier == ANY_USE and self.gpu_compute:
+            self.context.memory_barrier(ANY_USE)    # what passes of this frame wrote or read may be written now
         if variant not in self._programs:
             self.timers.disturb()
             self._programs[variant] = self._compile(variant)

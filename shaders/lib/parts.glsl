@@ -9,11 +9,11 @@ struct PartSum {
 };
 
 #if PARTS > 1
-shared vec4 part_sums[3 * (PARTS - 1) * GROUP];
+shared vec4 part_sums[3 * (PARTS - 1) * GROUP_THREADS];
 
 // The sum over all threads of a texel, for the first of them; every thread of the group calls it.
 PartSum sum_of_parts(PartSum sum) {
-    int place = 3 * (int(gl_LocalInvocationIndex) - GROUP);
+    int place = 3 * (int(gl_LocalInvocationIndex) - GROUP_THREADS);
     barrier();      // until an earlier sum has been read
     if (part > 0) {
         part_sums[place] = sum.a;
@@ -23,7 +23,7 @@ PartSum sum_of_parts(PartSum sum) {
     barrier();
     if (part == 0)
         for (int other = 1; other < PARTS; ++other) {
-            place += 3 * GROUP;
+            place += 3 * GROUP_THREADS;
             sum.a += part_sums[place];
             sum.b += part_sums[place + 1];
             sum.c += part_sums[place + 2];

@@ -1,6 +1,7 @@
 // Material and geometry of the nearest surface. One variant per set of textures that a material has.
 #include "lib/material.glsl"
 #include "lib/normals.glsl"
+#include "lib/spaces.glsl"
 
 in vec3 position_vs;
 in vec3 normal_vs;
@@ -23,14 +24,15 @@ uniform sampler2DArray normal_map;
 uniform sampler2DArray occlusion_map;
 uniform sampler2DArray emission_map;
 
-// View depth where the ray through the pixel's centre meets the triangle. GPUs move vertices to a grid of 1/256 of a pixel,
-// and what is interpolated is off by as much: on surfaces that are seen at a grazing angle more than rays stand off them.
-// One over the depth is linear over the image.
+// View depth where the ray through the pixel's centre meets the triangle's plane. GPUs move vertices to a grid of 1/256 of a
+// pixel, and what is interpolated is off by as much: on surfaces that are seen at a grazing angle more than rays stand off
+// them. Interpolated positions and their differences lie in the plane all the same.
 float depth_at_center() {
-    float depth = -position_vs.z, inverse = 1.0 / depth;
-    vec2 found = (position_vs.xy * inverse - frame.ray_origin) / frame.ray_scale;
-    float missing = dot(vec2(dFdx(inverse), dFdy(inverse)), gl_FragCoord.xy - found);
-    return abs(missing) < 0.1 * inverse ? 1.0 / (inverse + missing) : depth;
+    float depth = -position_vs.z;
+    vec3 n = cross(dFdx(position_vs), dFdy(position_vs));
+    vec2 ray = ray_from_pixel(gl_FragCoord.xy, frame.ray_scale, frame.ray_origin);
+    float change = dot(n.xy, position_vs.xy / depth - ray) / dot(n, vec3(ray, -1.0));
+    return abs(change) < 0.1 ? depth * (1.0 + change) : depth;     // neither where the plane is seen edge-on
 }
 
 void main() {

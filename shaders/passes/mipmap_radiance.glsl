@@ -1,8 +1,8 @@
 // One level of radiance from the finer one. NEAREST: the first texel of each block, as the surfaces do then.
-// LEVELS: also as many more as a group's 8x8 texels have.
+// LEVELS_AT_ONCE: also as many more as a group's 8x8 texels have.
 
-#ifdef LEVELS
-shared uint tile[GROUP];    // as a target stores it, so that levels are the same whether made at once or one by one
+#ifdef LEVELS_AT_ONCE
+shared uint tile[GROUP_THREADS];    // as a target stores it, so that levels are the same whether made at once or one by one
 
 // The texel `up` levels above a group's, of the four below it. False where another thread makes it; every thread calls it.
 bool make_coarser(ivec2 px, int up, out vec3 radiance) {
@@ -12,8 +12,9 @@ bool make_coarser(ivec2 px, int up, out vec3 radiance) {
     radiance = decode_rgb9e5(tile[place]);
 #ifndef NEAREST
     int right = 1 << (up - 1), above = right * int(gl_WorkGroupSize.x);
-    radiance += decode_rgb9e5(tile[place + right]) + decode_rgb9e5(tile[place + above])
-              + decode_rgb9e5(tile[place + right + above]);
+    radiance += decode_rgb9e5(tile[place + right]);
+    radiance += decode_rgb9e5(tile[place + above]);
+    radiance += decode_rgb9e5(tile[place + right + above]);
     radiance *= 0.25;
 #endif
     tile[place] = encode_rgb9e5(radiance);
@@ -35,14 +36,14 @@ void shade(ivec2 px) {
     }
     out_radiance = sum * 0.25;
 #endif
-#ifdef LEVELS
+#ifdef LEVELS_AT_ONCE
     tile[gl_LocalInvocationIndex] = encode_rgb9e5(out_radiance);
     vec3 radiance;
     if (make_coarser(px, 1, radiance)) store_radiance_1(px >> 1, radiance);
-#if LEVELS > 2
+#if LEVELS_AT_ONCE > 2
     if (make_coarser(px, 2, radiance)) store_radiance_2(px >> 2, radiance);
 #endif
-#if LEVELS > 3
+#if LEVELS_AT_ONCE > 3
     if (make_coarser(px, 3, radiance)) store_radiance_3(px >> 3, radiance);
 #endif
 #endif

@@ -55,7 +55,7 @@ class Variant:
             one this is, and all of a texel's threads call `shade`. What part 0 assigns is stored. In compute shaders
             that are not for software OpenGL alone.
         levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores all
-            but the first by `store_NAME_1(px, value)`, ... LEVELS is defined, and all threads of a group call `shade`,
+            but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group call `shade`,
             those outside of the image, too. In the same shaders as `parts`.
     """
 
@@ -132,6 +132,8 @@ def _copied_uniforms(variant: Variant, block: type) -> list[str]:
 
 
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
+    for_gpu = stage == "compute" and not software
+    assert variant.parts == variant.levels == 1 or for_gpu and 1 in (variant.parts, variant.levels), variant
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
@@ -154,18 +156,18 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 "layout(local_size_x = {}, local_size_y = {}, local_size_z = {}) in;".format(*_group(software),
                                                                                              variant.parts),
                 "#define COMPUTE"]
-        if not software:
+        if for_gpu:
             head.append("#define GPU")
         main = ["uniform ivec2 output_size;", "void main() {",
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
-    if stage == "compute" and variant.levels > 1:
-        head += [f"#define LEVELS {variant.levels}", f"#define GROUP {math.prod(_group(software))}"]
+    if variant.levels > 1:
+        head += [f"#define LEVELS_AT_ONCE {variant.levels}", f"#define GROUP_THREADS {math.prod(_group(software))}"]
         main = ["void main() {", "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    shade(px);",
                 *("    " + s for s in stores), "}"]
     elif variant.parts > 1:
-        head += [f"#define PARTS {variant.parts}", f"#define GROUP {math.prod(_group(software))}", "int part;"]
+        head += [f"#define PARTS {variant.parts}", f"#define GROUP_THREADS {math.prod(_group(software))}", "int part;"]
         # All threads of a group meet at its barriers, those outside of the image, too; nothing is stored there
         # (OpenGL 4.6, 8.26)
         main = ["uniform ivec2 output_size;", "void main() {",
