@@ -49,6 +49,7 @@ class Frame:
     samples: Int
     light_count: Int
     history_frames: Int         # longest temporal mean; 0: there is no history
+    still: Int                  # 1: nothing has moved for some frames, neither the camera nor anything else
     voxel_view_slice: Int       # slice that the view of one slice shows
 
 
@@ -60,6 +61,11 @@ class View:
     clip_from_view: np.ndarray
     near: float
     far: float
+
+
+def same_view(a: View, b: View) -> bool:
+    """Whether two views show the same of a scene in which nothing moves."""
+    return np.array_equal(a.view_from_world, b.view_from_world) and np.array_equal(a.clip_from_view, b.clip_from_view)
 
 
 def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds: np.ndarray,
@@ -130,7 +136,8 @@ def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) 
 
 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
-               light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False) -> Frame:
+               light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False,
+               still: bool = False) -> Frame:
     """The uniform block of one frame.
 
     Args:
@@ -138,6 +145,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         frame_index: Frames since the history began; moves the sample pattern while temporal reprojection runs.
         history: Whether the last frame's textures hold this scene.
         moving: A light or an object moved since the last frame: the light of many frames ago is another one.
+        still: Nothing has moved for some frames, the camera neither: what differs from the last frame is noise.
     """
     world_from_view = np.linalg.inv(view.view_from_world)
     step = frame_index if settings.temporal else 0
@@ -166,7 +174,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
                           math.sin(math.radians(settings.environment_rotation))),
         environment_strength=2.0**settings.environment_strength,
         near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
-        history_frames=longest if history else 0, voxel_view_slice=settings.voxel_view_slice)
+        history_frames=longest if history else 0, still=int(still), voxel_view_slice=settings.voxel_view_slice)
 
 
 def radius_texels(settings: Settings, size: tuple[int, int]) -> float:

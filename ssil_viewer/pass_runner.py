@@ -10,8 +10,9 @@ from typing import Callable, Iterable, Iterator, Literal, Sequence
 import moderngl
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.frame_check import FrameError, check_frame
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
-from ssil_viewer.frame_uniforms import View, make_frame, radius_texels
+from ssil_viewer.frame_uniforms import View, make_frame, radius_texels, same_view
 from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
@@ -31,40 +32,9 @@ from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
-# Frames after a change of light for which the temporal mean stays short where light is fed back
+# Frames after a change of light for which the temporal mean stays short where light is fed back, and after any change
+# for which it is shortened where light differs much
 SETTLING_FRAMES = 8
-
-
-class FrameError(Exception):
-    """The declared passes do not fit together: a programming error, found before any OpenGL call."""
-
-
-def check_frame(passes: Sequence[Pass]) -> dict[str, Target]:
-    """All targets of a frame, after checking that every read has an earlier writer, is a history or is optional.
-
-    Raises:
-        FrameError: Names the pass and the target.
-    """
-    written: dict[str, Target] = {}
-    histories = {name for p in passes for name, target in p.writes.items() if target.history}
-    of_bounces = {name for p in passes if p.per_bounce for name in p.writes}
-    for p in passes:
-        own = set(p.writes)
-        if taken := own & set(written):
-            raise FrameError(f"pass {p.name} writes {sorted(taken)}, which an earlier pass owns")
-        for read in p.target_reads():
-            available = set(written) | {f"{name}@previous" for name in histories}
-            if read.offset:
-                available |= own            # another level
-            if p.per_bounce:
-                available |= of_bounces     # by the bounce before
-            if not available & set(read.targets) and not read.optional:
-                raise FrameError(f"pass {p.name} reads {' or '.join(read.targets)}, which no earlier pass writes")
-        for name in p.extends:
-            if name not in written:
-                raise FrameError(f"pass {p.name} extends {name}, which no earlier pass writes")
-        written.update(p.writes)
-    return written
 
 
 @dataclass
@@ -181,7 +151,8 @@ class PassRunner:
         self.frame_index = 0
         self.gl = GLFunctions(context)
         self._previous: View | None = None
-        self._settling = 0
+        self._settling = 0      # frames until light that is fed back has settled
+        self._restless = 0      # frames until what moved counts as still
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
         self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
@@ -261,6 +232,7 @@ class PassRunner:
     def reset_history(self) -> None:
         """Forget the last frames."""
         self._previous = None
+        self._restless = 0
         self.frame_index = 0
         self.timers.restart()
 
@@ -282,13 +254,22 @@ class PassRunner:
                     self.context.memory_barrier(ANY_USE)
 
     def run(self, frame: Frame, view: View, light_count: int = 0,
-            background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False) -> None:
-        """Run the enabled passes, within `frame()`. Arguments as of `make_frame`."""
+            background: tuple[float, float, float] = (0.0, 0.0, 0.0), moving: bool = False,
+            watched: bool = False) -> None:
+        """Run the enabled passes, within `frame()`. Arguments as of `make_frame`.
+
+        Args:
+            watched: Whether something moves is known: where `moving` says no and the camera stands still, nothing does.
+        """
         history = self.settings.temporal and self._previous is not None
         # Light that is fed back goes around: it takes some frames until a change has reached all of it
         self._settling = SETTLING_FRAMES if moving and self.settings.feeds_back else max(self._settling - 1, 0)
+        moved = moving or not watched or (history and not same_view(view, self._previous))
+        self._restless = SETTLING_FRAMES if moved else max(self._restless - 1, 0)
+        moving = moving or self._settling > 0
+        still = history and not moving and self._restless == 0
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
-                                         light_count, background, history, moving or self._settling > 0))
+                                         light_count, background, history, moving, still))
         for p, frame.bounce in self._schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):
@@ -382,7 +363,8 @@ class PassRunner:
             inputs[name] = self.targets.texture(target, level)
         writes = [(name, self.declared[name].format)
                   for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
-        outputs = {f"{name}_{n}" if n else name: self.targets.texture(dispatch.targets.get(name, name), dispatch.level + n)
+        outputs = {f"{name}_{n}" if n else name: self.targets.texture(dispatch.targets.get(name, name),
+                                                                      dispatch.level + n)
                    for n in range(dispatch.levels) for name, _ in writes}
         tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
                             for declared in (screen_pass.tables, screen_pass.uniforms))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
 from ssil_viewer.errors import UserError
+from ssil_viewer.frame_check import FrameError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.gpu.context import Capabilities
@@ -22,7 +23,7 @@ from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.gpu.screen_program import Stage, Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.gpu.timers import PassTimers, Timings
-from ssil_viewer.pass_runner import FrameError, PassRunner
+from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
@@ -242,7 +243,7 @@ class Renderer:
             frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer,
                                rays=self._rays, rays_are_stale=self._moved)
-            self._runner.run(frame, view, lights.count, self.scene.background, moving=stale)
+            self._runner.run(frame, view, lights.count, self.scene.background, moving=stale, watched=True)
             if self._view_name is not None:
                 self._draw_view(*self._view_name)
 

@@ -54,9 +54,9 @@ class Variant:
         parts: Threads that share the work of one texel, where more than one: PARTS is defined then, `part` tells which
             one this is, and all of a texel's threads call `shade`. What part 0 assigns is stored. In compute shaders
             that are not for software OpenGL alone.
-        levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores all
-            but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group call `shade`,
-            those outside of the image, too. In the same shaders as `parts`.
+        levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores
+            all but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group
+            call `shade`, those outside of the image, too. In the same shaders as `parts`.
     """
 
     shader: str

@@ -22,11 +22,10 @@ from ssil_viewer.passes.voxelize import Voxelize
 
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, ShadowRays, Direct, UnseenLight, UnseenSums,
                                  UnseenDraw, UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
-                                 MipmapRadiance, MipmapBrightest, Gather, Upsample, AddBounces, GlossyGather, GlossyUpsample,
-                                 GlossyResolve, Temporal, Composite)
+                                 MipmapRadiance, MipmapBrightest, Gather, Upsample, AddBounces, GlossyGather,
+                                 GlossyUpsample, GlossyResolve, Temporal, Composite)
 
 __all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
-           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapBrightest", "MipmapRadiance", "Pass", "Read", "Reflect",
-           "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter",
-           "Temporal", "UnseenDraw", "UnseenGather", "UnseenLight", "UnseenReflect",
-           "UnseenSums", "Upsample", "VoxelMipmap", "Voxelize"]
+           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapBrightest", "MipmapRadiance", "Pass",
+           "Read", "Reflect", "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter", "Temporal", "UnseenDraw",
+           "UnseenGather", "UnseenLight", "UnseenReflect", "UnseenSums", "Upsample", "VoxelMipmap", "Voxelize"]

@@ -49,8 +49,8 @@ class Dispatch:
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
         parts: Threads of a GPU that share the work of one texel, where compute shaders run; see `Variant`.
         levels: So many are written at once, from `level` on, where compute shaders run on a GPU (`Frame.gpu_compute`).
-        alone: The next run neither reads nor writes what is written here, nor writes what is read here, so that it may begin
-            before this one has ended.
+        alone: The next run neither reads nor writes what is written here, nor writes what is read here, so that it may
+            begin before this one has ended.
     """
 
     level: int = 0

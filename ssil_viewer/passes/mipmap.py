@@ -66,12 +66,13 @@ class MipmapRadiance(ScreenPass):
         last = frame.settings.last_level
         at_once = _LEVELS_AT_ONCE if frame.gpu_compute else 1
         for level in range(1, last + 1, at_once):
-            yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce), levels=min(at_once, last + 1 - level))
+            yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce),
+                           levels=min(at_once, last + 1 - level))
 
 
 class MipmapBrightest(ScreenPass):
-    """Levels 1 to the last one of where the brightest pixels are: a texel sends the light of all its pixels, and they may lie
-    elsewhere than the surface that the vote kept."""
+    """Levels 1 to the last one of where the brightest pixels are: a texel sends the light of all its pixels, and they
+    may lie elsewhere than the surface that the vote kept."""
 
     name = "mipmap_brightest"
     shader = "passes/mipmap_brightest.glsl"

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 PARTS = 5
-"""Threads of a GPU that share a texel, one for each row of the window, beyond the starting level: so few texels do not keep
-it busy."""
+"""Threads of a GPU that share a texel, one for each row of the window, beyond the starting level: so few texels do not
+keep it busy."""
 
 
 class Upsample(ScreenPass):

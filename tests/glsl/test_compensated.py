@@ -9,8 +9,8 @@ from tests.gpu_function import evaluate
 
 
 def test_a_long_sum_keeps_single_precision(context):
-    """60,000 addends: to 2e-7 of the sum in double precision, where a plain sum is off by more than 2e-6: 20 times that with
-    llvmpipe, 3 times with a NVIDIA H200, whose compiler sums in another order.
+    """60,000 addends: to 2e-7 of the sum in double precision, where a plain sum is off by more than 2e-6: 20 times that
+    with llvmpipe, 3 times with a NVIDIA H200, whose compiler sums in another order.
     (llvmpipe makes no more than 65535 turns of a loop.)"""
     addends = np.random.default_rng(1).uniform(0.05, 0.15, (8, 4)).astype(np.float32)
     addends[:, 3] = 1.0

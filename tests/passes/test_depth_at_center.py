@@ -1,4 +1,4 @@
-"""View depth on drivers that move vertices to a grid, as GPUs do. llvmpipe does not, so the vertex shader does it here."""
+"""View depth on drivers that move vertices to a grid, as GPUs do. llvmpipe does not: here the vertex shader does it."""
 
 from __future__ import annotations
 
@@ -45,15 +45,16 @@ def strips(count: int) -> Primitive:
     indices = np.concatenate([np.stack([at, at + 1, at + next_row], 1),
                               np.stack([at + 1, at + 1 + next_row, at + next_row], 1)])
     floor = scenes.rectangle(near[0], across, along)
-    return replace(floor, positions=np.concatenate([near, near + along]).astype(np.float32), indices=indices.astype(np.uint32),
-                   normals=np.tile(floor.normals[:1], (2 * next_row, 1)),
+    return replace(floor, positions=np.concatenate([near, near + along]).astype(np.float32),
+                   indices=indices.astype(np.uint32), normals=np.tile(floor.normals[:1], (2 * next_row, 1)),
                    texcoords=np.zeros((2 * next_row, 2, 2), np.float32))
 
 
 @pytest.mark.parametrize("count", [1, 100, 1000])
 def test_depth_is_that_of_the_triangle_at_the_pixels_centre(make_renderer, snapped, count):
     """To a tenth of the distance by which rays stand off their surface; as interpolated it would be all of that."""
-    renderer = make_renderer(scenes.scene((strips(count),), (Material(double_sided=True, specular=0.0),)), SIZE, bounces=0)
+    floor = scenes.scene((strips(count),), (Material(double_sided=True, specular=0.0),))
+    renderer = make_renderer(floor, SIZE, bounces=0)
     renderer.render(CAMERA)
     depth = renderer.read("view_depth")
     forward = np.subtract(CAMERA.target, CAMERA.eye) / np.linalg.norm(np.subtract(CAMERA.target, CAMERA.eye))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from ssil_viewer.frame_check import FrameError, check_frame
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.pass_runner import FrameError, check_frame
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, Read, ScreenPass
 

@@ -110,6 +110,19 @@ def test_what_enters_the_image_starts_anew(settled):
     assert np.median(length[seen & (x < 0.9)]) > 1
 
 
+def test_noise_is_averaged_for_as_long_as_nothing_moves(make_renderer, stage):
+    """A bright sample is no change of light: its frame counts like any other. Where the camera moves it may be one."""
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=1, visibility="off")
+    render_frames(renderer, CAMERA, 12)
+    seen = renderer.read("view_depth") > 0
+    at_rest = renderer.read("history_length")[seen]
+    assert (at_rest == 12).mean() > 0.99
+    eye = np.array(CAMERA.eye)
+    for step in range(12):
+        renderer.render(replace(CAMERA, eye=tuple(eye + (1e-4 * step, 0, 0))))
+    assert (renderer.read("history_length")[seen] < 12).mean() > 0.05
+
+
 def test_huge_light_does_not_stay(make_renderer, stage):
     """A flash of 1e30 for one frame: finite at once, gone from what follows."""
     renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=32)

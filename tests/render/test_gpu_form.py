@@ -1,5 +1,5 @@
-"""Compute shaders as a GPU gets them, whose threads share texels and write several levels at once. They also run on software
-OpenGL, which gets another form by itself."""
+"""Compute shaders as a GPU gets them, whose threads share texels and write several levels at once. They also run on
+software OpenGL, which gets another form by itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ssil_viewer.settings import Settings
 from tests import scenes
 
 _ROOM = scenes.cornell()
-HALF_METAL = replace(_ROOM, materials=tuple(replace(material, metallic=0.5, roughness=0.4) for material in _ROOM.materials))
+HALF_METAL = replace(_ROOM, materials=tuple(replace(m, metallic=0.5, roughness=0.4) for m in _ROOM.materials))
 
 
 @pytest.fixture

@@ -80,8 +80,8 @@ def test_r1_of_the_images_own_pixels(make_renderer, reference, stage):
     expected, visible = in_double_precision(renderer, CAMERA, 0, pixels=True)
     found = finished(reference(renderer, "R1", pixels=True))
     error = np.abs(found[visible] / expected[visible] - 1).max(-1)
-    # A GPU's square roots are not exact, which shows where senders are pixels next to the receiver: 1e-4 at one pixel of a
-    # NVIDIA H200
+    # A GPU's square roots are not exact, which shows where senders are pixels next to the receiver: 1e-4 at one pixel
+    # of a NVIDIA H200
     assert np.quantile(error, 0.999) < 3e-5 and error.max() < 2e-4
     mapped = in_double_precision(renderer, CAMERA, 0)[0]
     assert abs(mapped.mean() / expected.mean() - 1) > 0.01, "the normals matter"
