@@ -32,9 +32,11 @@ from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
-# Frames after a change of light for which the temporal mean stays short where light is fed back, and after any change
-# for which it is shortened where light differs much
+# Frames after a change of light for which the temporal mean stays short where light is fed back
 SETTLING_FRAMES = 8
+# Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often, what
+# the brightest flash has left in it is gone
+RESTLESS_FRAMES = 20
 
 
 @dataclass
@@ -265,7 +267,7 @@ class PassRunner:
         # Light that is fed back goes around: it takes some frames until a change has reached all of it
         self._settling = SETTLING_FRAMES if moving and self.settings.feeds_back else max(self._settling - 1, 0)
         moved = moving or not watched or (history and not same_view(view, self._previous))
-        self._restless = SETTLING_FRAMES if moved else max(self._restless - 1, 0)
+        self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
         moving = moving or self._settling > 0
         still = history and not moving and self._restless == 0
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,

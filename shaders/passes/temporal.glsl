@@ -12,13 +12,12 @@ vec4 averaged_irradiance(ivec2 px, Previous previous) {
     if (frame.history_frames == 0 || !find_history(previous, history)) return vec4(current, 1.0);
 
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
-    // which the upsampling has smoothed, is far from the mean, the mean is shortened. Where nothing has moved for a while, that
-    // would give rare bright samples of rays half of the weight; there it ends what a flash has left alone.
+    // which the upsampling has smoothed, is far from the mean, the mean is shortened. Where nothing has moved for a while, what
+    // differs is noise: rare bright samples of rays would get half of the weight.
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float new_light = dot(current, LUMINANCE), old_light = dot(history.rgb, LUMINANCE);
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
-    float changed = smoothstep(0.5, 0.9, change);
-    if (frame.still == 1) changed = new_light < old_light ? smoothstep(0.9, 0.97, change) : 0.0;
+    float changed = frame.still == 1 ? 0.0 : smoothstep(0.5, 0.9, change);
     float longest = mix(float(frame.history_frames), 2.0, changed);
     float count = min(history.a + 1.0, longest);
     return vec4(mix(history.rgb, current, 1.0 / count), count);
