@@ -266,7 +266,7 @@ class PassRunner:
         history = self.settings.temporal and self._previous is not None
         # Light that is fed back goes around: it takes some frames until a change has reached all of it
         self._settling = SETTLING_FRAMES if moving and self.settings.feeds_back else max(self._settling - 1, 0)
-        moved = moving or not watched or (history and not same_view(view, self._previous))
+        moved = history and (moving or not watched or not same_view(view, self._previous))
         self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
         moving = moving or self._settling > 0
         still = history and not moving and self._restless == 0
