@@ -28,11 +28,11 @@ from ssil_viewer.settings import load_preset  # noqa: E402
 
 BUILTIN = "cornell", "arch", "atrium"
 PRESET = "quality"          # with 256 samples and --visibility horizon
-SIZE, FRAMES = (1280, 720), 8
+SIZE, FRAMES = (1280, 720), 16     # what `render` and `compare` take
 SERIES = "cornell"
 SERIES_SIZE = 640, 360
 # So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
-EFFORT = Effort(path_rays=1296, seconds=150.0)
+EFFORT = Effort(path_rays=2592, seconds=300.0)
 DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
 
 
@@ -102,9 +102,9 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
-    older = sorted(name for name, result in found if not result["settings"].get("visibility_rays"))
+    older = sorted(name for name, result in found if result["frames"] != FRAMES)
     if older:
-        lines += [f"Measured before the preset had `--visibility-rays` and `--shadow-rays`: {', '.join(older)}.", ""]
+        lines += [f"Measured earlier, with other numbers of frames and rays, and not anew since: {', '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
