@@ -34,8 +34,8 @@ from ssil_viewer.settings import Settings
 
 # Frames after a change of light for which the temporal mean stays short where light is fed back
 SETTLING_FRAMES = 8
-# Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often, what
-# the brightest flash has left in it is gone
+# Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often,
+# what the brightest flash has left in it is gone
 RESTLESS_FRAMES = 20
 
 

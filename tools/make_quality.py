@@ -104,7 +104,7 @@ def write_page(data: dict) -> None:
              "Sponza, which is not part of the program.", ""]
     older = sorted(name for name, result in found if result["frames"] != FRAMES)
     if older:
-        lines += [f"Measured earlier, with other numbers of frames and rays, and not anew since: {', '.join(older)}.", ""]
+        lines += [f"Measured earlier, with other numbers of frames and rays, not anew since: {', '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import sys
+from typing import Any, Callable
 
 from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
@@ -53,13 +54,19 @@ def run(args: argparse.Namespace) -> None:
         shared.warn(studio.renderer.scene.warnings)
         head = _head(args, size, machine(studio.renderer))
         with measuring.progress_bar(in_pipes=True) as show:
-            results = measure(studio, claims, args.quick, args.scene, show)
+            in_pipe = sys.stderr is None or not sys.stderr.isatty()
+            results = measure(studio, claims, args.quick, args.scene, _claims_alone(show) if in_pipe else show)
     finally:
         studio.close()
     report.write(folder, head, results)
     for result in results:
         print(f"{result.claim.id:<4}{result.finding.verdict:<21}{result.finding.why}")
     measuring.say_written(folder / report.PAGE)
+
+
+def _claims_alone(show: Callable[[str, float, float], None]) -> Callable[[str, float, float], None]:
+    """Of what is done, the claim that it is for: a line each will do in a pipe."""
+    return lambda what, done, total: show(what.partition(":")[0], done, total)
 
 
 def _head(args: argparse.Namespace, size: tuple[int, int], machine: dict[str, Any]) -> dict[str, Any]:
