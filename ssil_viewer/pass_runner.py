@@ -35,7 +35,7 @@ from ssil_viewer.settings import Settings
 # Frames after a change of light for which the temporal mean stays short where light is fed back
 SETTLING_FRAMES = 8
 # Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often,
-# what the brightest flash has left in it is gone
+# a millionth of the old light is left in it
 RESTLESS_FRAMES = 20
 
 
@@ -265,7 +265,8 @@ class PassRunner:
         """
         history = self.settings.temporal and self._previous is not None
         # Light that is fed back goes around: it takes some frames until a change has reached all of it
-        self._settling = SETTLING_FRAMES if moving and self.settings.feeds_back else max(self._settling - 1, 0)
+        changed = moving or not history
+        self._settling = SETTLING_FRAMES if changed and self.settings.feeds_back else max(self._settling - 1, 0)
         moved = history and (moving or not watched or not same_view(view, self._previous))
         self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
         moving = moving or self._settling > 0

@@ -102,7 +102,7 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
-    older = sorted(name for name, result in found if result["frames"] != FRAMES)
+    older = sorted(name for name, result in found if result["frames"] != FRAMES)    # before there were more rays, too
     if older:
         lines += [f"Measured earlier, with other numbers of frames and rays, not anew since: {', '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):

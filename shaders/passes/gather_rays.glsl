@@ -22,7 +22,7 @@ const Draw NOTHING_DRAWN = Draw(0.0, 0.0, vec2(0.0), 0.0);
 const int SEEN = 0, HIDDEN = 1, SEEN_NEAR = 2, KINDS = 3, DRAWS = KINDS * OF_ROW;
 
 // A pixel may lie and face otherwise than its texel, so none gets too small a weight, and none brings more than so many
-// times what its texel would: few such would be seen as dots.
+// times what the sample was drawn for: few such would be seen as dots.
 const float BACK = 0.25, SLOPE = 0.2, MOST = 40.0;
 
 // In proportion to what a sample would bring if it is seen.

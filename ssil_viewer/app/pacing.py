@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.settings import Settings
 
 _SLOW_FRAME = 0.1      # s; a slower frame makes the panels feel stuck
@@ -46,7 +47,8 @@ class Pacer:
         if view != self._seen:
             self._seen, self._frames = view, 0
         busy_hand = frame_seconds > _SLOW_FRAME and not self.idle(now)
-        wanted = settings.temporal_frames if settings.temporal and settings.bounces else 1
+        # After a move the mean is shortened where light differs much, at first
+        wanted = settings.temporal_frames + RESTLESS_FRAMES if settings.temporal and settings.bounces else 1
         if not self.continuous and self._frames and (self._frames >= wanted or busy_hand):
             return False
         self._frames += 1

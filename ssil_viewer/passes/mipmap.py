@@ -86,6 +86,8 @@ class MipmapBrightest(ScreenPass):
         return corrects_visibility(settings)
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
+        if frame.rays_are_stale:
+            return      # nobody reads it then
         for level in range(1, frame.settings.last_level + 1):
             finer = {} if level == 1 else {"finer": "brightest"}
             yield Dispatch(level, targets=sent_radiance(frame.bounce) | finer)

@@ -23,6 +23,7 @@ from ssil_viewer.app.panels.file_browser import list_folder
 from ssil_viewer.app.scene_loading import SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
+from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
 from ssil_viewer.settings import Settings, knobs, load_settings
 
@@ -174,8 +175,10 @@ def test_the_reason_for_missing_light_is_named(settings, scene, lit, word):
 def test_rendering_stops_when_the_temporal_filter_has_settled():
     pacer = Pacer(continuous=False)
     settings = Settings(temporal_frames=8)
-    assert [pacer.should_render(n, "view", settings, 0.01) for n in range(12)] == [True] * 8 + [False] * 4
-    assert pacer.should_render(12, "other view", settings, 0.01)
+    settles = 8 + RESTLESS_FRAMES
+    rendered = [pacer.should_render(n, "view", settings, 0.01) for n in range(settles + 4)]
+    assert rendered == [True] * settles + [False] * 4
+    assert pacer.should_render(settles + 4, "other view", settings, 0.01)
 
 
 def test_without_temporal_filter_one_frame_is_enough():

@@ -24,17 +24,19 @@ SNAP = """
 @pytest.fixture
 def snapped(monkeypatch):
     """Vertices of the G-buffer lie on a grid of 1/256 of a pixel."""
-    whole = glsl.expand
+    whole, patched = glsl.expand, []
 
     def expand(name, *args, **kwargs):
         source = whole(name, *args, **kwargs)
         if name != "passes/gbuffer.vert.glsl":
             return source
+        patched.append(name)
         text = source.text.rstrip()
         assert text.endswith("}")
         return replace(source, text=text[:-1] + SNAP.format(*map(float, SIZE)))
 
     monkeypatch.setattr("ssil_viewer.gpu.scene_draw.expand", expand)
+    return patched
 
 
 def strips(count: int) -> Primitive:
@@ -56,6 +58,7 @@ def test_depth_is_that_of_the_triangle_at_the_pixels_centre(make_renderer, snapp
     floor = scenes.scene((strips(count),), (Material(double_sided=True, specular=0.0),))
     renderer = make_renderer(floor, SIZE, bounces=0)
     renderer.render(CAMERA)
+    assert snapped
     depth = renderer.read("view_depth")
     forward = np.subtract(CAMERA.target, CAMERA.eye) / np.linalg.norm(np.subtract(CAMERA.target, CAMERA.eye))
     up = np.array((0, -forward[2], forward[1]))     # it looks along -Z but for a slope

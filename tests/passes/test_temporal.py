@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ssil_viewer.headless import render_frames
+from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
 from tests import scenes
 
@@ -121,6 +122,24 @@ def test_noise_is_averaged_for_as_long_as_nothing_moves(make_renderer, stage):
     for step in range(12):
         renderer.render(replace(CAMERA, eye=tuple(eye + (1e-4 * step, 0, 0))))
     assert (renderer.read("history_length")[seen] < 12).mean() > 0.05
+
+
+def test_what_moves_makes_it_restless_for_a_while(make_renderer):
+    """The camera, a light or an object: noise counts as change for so many frames, and no longer."""
+    renderer = make_renderer(scenes.cornell(), SIZE, samples=1, visibility="off")
+    render_frames(renderer, CAMERA, 4)
+    seen = renderer.read("view_depth") > 0
+    eye = tuple(np.array(CAMERA.eye) + (1e-4, 0, 0))
+    moves = [lambda: replace(CAMERA, eye=eye),
+             lambda: renderer.set_lights(scenes.cornell().lights) or CAMERA,
+             lambda: renderer.move_instance(0, np.eye(4)) or CAMERA]
+    for move in moves:
+        camera = move()
+        render_frames(renderer, camera, RESTLESS_FRAMES)
+        restless = renderer.read("history_length")[seen]
+        assert (restless < 6).mean() > 0.2
+        render_frames(renderer, camera, 12)
+        assert (renderer.read("history_length")[seen] >= restless + 11).mean() > 0.98
 
 
 def test_huge_light_does_not_stay(make_renderer, stage):
