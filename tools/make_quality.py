@@ -1,6 +1,6 @@
 """Measures scenes against the references and writes docs/quality.md from what comes out.
 
-    .venv/bin/python tools/make_quality.py                              # the built-in scenes, fifteen minutes each
+    .venv/bin/python tools/make_quality.py                              # the built-in scenes, ten to forty minutes each
     .venv/bin/python tools/make_quality.py cornell sponza=sponza.glb    # these anew, the others as they are
     .venv/bin/python tools/make_quality.py --page                       # the page alone, from docs/quality.json
 

@@ -130,7 +130,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     float inner = near_field == 1 ? near_end : inner_radius;
     Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
     float strip = 2.0 * PI / float(directions);
-    vec2 turn = vec2(cos(strip * float(PARTS)), sin(strip * float(PARTS)));
+    vec2 turn = direction_from_angle(strip * float(PARTS));
 #if PARTS > 1
     direction = turned(direction, strip * float(part));
 #endif

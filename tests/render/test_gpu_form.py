@@ -19,7 +19,7 @@ HALF_METAL = replace(_ROOM, materials=tuple(replace(m, metallic=0.5, roughness=0
 
 @pytest.fixture
 def in_both_forms(context):
-    """`both(size, camera, **settings)`: buffers of two frames, by form, name and level."""
+    """`both(size, **settings)`: buffers of two frames, by form, name and level."""
     if not read_capabilities(context).compute:
         pytest.skip("compute shaders need OpenGL 4.3")
 

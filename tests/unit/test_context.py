@@ -14,7 +14,7 @@ from ssil_viewer.gpu.context import create_headless_context, read_capabilities
 @pytest.fixture
 def driver(monkeypatch):
     """`driver(newest)`: one that gives exactly the version asked for, up to its newest, as NVIDIA's does."""
-    def install(newest):
+    def install(newest, platform="linux"):
         asked = []
 
         def create_context(require, **_):
@@ -25,6 +25,7 @@ def driver(monkeypatch):
                 ("GL_RENDERER", "GL_VENDOR", "GL_VERSION"), "x") | {"GL_MAX_TEXTURE_SIZE": 16384})
 
         monkeypatch.setattr(moderngl, "create_context", create_context)
+        monkeypatch.setattr("sys.platform", platform)
         return asked
 
     return install
@@ -36,6 +37,12 @@ def test_the_newest_that_serves(driver, newest, given, compute):
     driver(newest)
     capabilities = read_capabilities(create_headless_context())
     assert capabilities.code == given and capabilities.compute == compute
+
+
+def test_macos_is_not_asked_for_what_it_never_has(driver):
+    asked = driver(410, "darwin")
+    create_headless_context()
+    assert asked == [410]
 
 
 def test_none_that_serves(driver):
