@@ -7,3 +7,5 @@
 vec2 ray_from_pixel(vec2 pixel, vec2 ray_scale, vec2 ray_origin) { return pixel * ray_scale + ray_origin; }
 
 vec3 position_from_ray(vec2 ray, float view_depth) { return vec3(ray * view_depth, -view_depth); }
+
+bool is_on_screen(ivec2 at, ivec2 size) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }

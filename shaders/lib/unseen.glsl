@@ -53,8 +53,23 @@ vec3 lambert_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emis
     return finite_half(emission + albedo * irradiance * (1.0 / PI));
 }
 
-// Whether the image shows a surface at a point of view space, so that the gather has its light already. Needs the read
-// `image_surface`.
+// Of the depth, and least cosine: how far from a plane and how far turned a pixel may be that shows it. Also in
+// ssil_viewer/reference/shown.py.
+const float SHOWN_REACH = 3e-3, SHOWN_FACING = 0.5;
+
+// Whether a pixel lies on the plane through a point, and faces the same way.
+bool shows_plane(ivec2 at, vec3 position, vec3 n) {
+    if (!is_on_screen(at, size_image_surface())) return false;
+    float depth = load_image_surface(at).view_depth;
+    if (depth <= 0.0) return false;
+    vec3 shown = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin), depth);
+    return abs(dot(shown - position, n)) < -SHOWN_REACH * position.z
+        && dot(decode_direction16(load_motion(at).w), n) > SHOWN_FACING;
+}
+
+// Whether the image shows a surface at a point of view space, so that the gather has its light already: it is not hidden, and a
+// pixel lies on its plane, its own or one next to it. A ledge seen edge-on is in plain sight and has none. Needs the reads
+// `image_surface` and `motion`.
 bool is_shown(vec3 position, vec3 n) {
     float depth = -position.z;
     vec3 to_camera = -position;
@@ -68,7 +83,11 @@ bool is_shown(vec3 position, vec3 n) {
     float cosine = facing * inversesqrt(dot(to_camera, to_camera));
     float slope = min(sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 1e-3), 100.0);
     float tolerance = depth * (1e-3 + 1.5 * max(frame.ray_scale.x, frame.ray_scale.y) * slope);
-    return shown > 0.0 && depth < shown + tolerance;
+    if (shown <= 0.0 || depth >= shown + tolerance) return false;
+    if (shows_plane(at, position, n)) return true;
+    for (int i = 0; i < 9; ++i)
+        if (i != 4 && shows_plane(at + ivec2(i % 3, i / 3) - 1, position, n)) return true;
+    return false;
 }
 
 // Radiance of what a ray meets first, where the image does not show it; black where it meets nothing. In view space. Needs the

@@ -202,6 +202,7 @@ _MEANINGS = {
     "coarse_senders": "R1 with texels of the starting level as senders to R1: mipmaps",
     "visibility": "R1 to R2: visibility as a whole",
     "screen_senders": "R2 to R3_visible: senders as pixels, direct light",
+    "between_pixels": "R3_visible to R3_in_view: seen by the camera, but by no pixel",
     "missing_layers": "R3_visible to diffuse R3: off screen and hidden layers",
     "mirrored_visible": "R3_visible without and with what senders mirror",
     "mirrored": "diffuse R3 to R3: what senders mirror",

@@ -26,6 +26,7 @@ _CANDIDATES = 8         # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
 _LIGHT = {**RAY_TABLES, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
           "environment_irradiance": "sampler2D"}
+_SHOWN = {"image_surface": Read.of("surface", offset=None), "motion": Read.of("motion", offset=None)}
 _LIGHT_UNIFORMS = {"punctual_lights": "int", "random_seed": "int", **RAY_UNIFORMS}
 
 
@@ -55,7 +56,7 @@ class UnseenLight(_UnseenPass):
 
     name = "unseen_light"
     shader = "passes/unseen_light.glsl"
-    reads = {"image_surface": Read.of("surface", offset=None)}
+    reads = _SHOWN
     tables = {"surfel_position": "sampler2D", "surfel_normal": "sampler2D", "surfel_albedo": "sampler2D",
               "surfel_emission": "sampler2D", **_LIGHT}
     writes = {"unseen_radiance": Target("rgba32f", "diffuse exitant radiance of each surfel, W m^-2 sr^-1, 0 where the "
@@ -113,7 +114,7 @@ class UnseenGather(_UnseenPass):
 
     name = "unseen_gather"
     shader = "passes/unseen_gather.glsl"
-    reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
+    reads = {"surface": Read.of("surface"), **_SHOWN,
              "position": Read.of("unseen_position", offset=None), "power": Read.of("unseen_power", offset=None)}
     tables = _LIGHT
     writes = {"unseen": Target("lobe", "light from surfaces that the image does not show: flux and mean direction",
@@ -137,7 +138,7 @@ class UnseenReflect(_UnseenPass):
 
     name = "unseen_reflect"
     shader = "passes/unseen_reflect.glsl"
-    reads = {"surface": Read.of("surface"), "image_surface": Read.of("surface", offset=None),
+    reads = {"surface": Read.of("surface"), **_SHOWN,
              "specular": Read.of("specular", offset=None)}
     tables = _LIGHT
     writes = {"unseen_reflection": Target("rgb9e5", "radiance of surfaces that the image does not show, reflected with "

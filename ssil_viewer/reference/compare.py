@@ -20,6 +20,7 @@ from ssil_viewer.reference.gpu_pictures import Scale
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
 from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
+from ssil_viewer.reference.shown import ShownSurfaces
 from ssil_viewer.reference.whole_image import sum_whole_image
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.model import Camera, Scene
@@ -70,8 +71,8 @@ class Blocks:
     Attributes:
         rows, columns: (B, BLOCK, BLOCK) pixels of each block.
         references: Name -> (B, 3), means of each block, W m^-2: R1 to R3; "R1_texels", with texels of
-            the starting level as senders; "R3_diffuse", R3 without what senders mirror, as "R3_visible" is, and
-            "R3_visible_mirrored", that with it.
+            the starting level as senders; "R3_diffuse", R3 without what senders mirror, as "R3_visible" and
+            "R3_in_view" are, and "R3_visible_mirrored", R3_visible with it.
     """
 
     rows: np.ndarray
@@ -94,7 +95,7 @@ class Blocks:
             return {}
         means = self.means(irradiance), self.means(irradiance if seen is None else seen)
         return {name: metrics.agreement(means[name != "R3"], self.references[name])
-                for name in ("R1", "R2", "R3_visible", "R3") if name in self.references}
+                for name in ("R1", "R2", "R3_visible", "R3_in_view", "R3") if name in self.references}
 
 
 @dataclass
@@ -293,7 +294,7 @@ class _Comparing:
             "image", camera_description(self._camera, self._size), _path_bounces(self._settings), self._effort.spp,
             min(_SPP_OF_PASS, max(1, self._effort.spp // 2)), self._effort.seconds)]
         if len(self._rows):
-            tasks.insert(0, self._irradiance_task(receivers))
+            tasks.insert(0, self._irradiance_task(receivers, read_surfaces(renderer, self._camera, triangles=True)))
         begun = time.perf_counter()
         try:
             found = self._trace(description, tasks, lambda name, share: self._progress(f"R3 {name}", share))
@@ -309,23 +310,24 @@ class _Comparing:
             return {}
         return self._irradiance_means(found["irradiance"])
 
-    def _irradiance_task(self, receivers: Surfaces) -> IrradianceTask:
+    def _irradiance_task(self, receivers: Surfaces, pixels: Surfaces) -> IrradianceTask:
         eye = np.asarray(self._camera.eye, np.float64)
         view = look_along(eye, np.asarray(self._camera.target, np.float64) - eye, np.asarray(self._camera.up))
         world = np.linalg.inv(view)
         position = receivers.position[self._rows, self._columns].reshape(-1, 3)
         normal = receivers.normal[self._rows, self._columns].reshape(-1, 3) @ world[:3, :3].T
         tan_y = float(np.tan(self._camera.vertical_fov / 2))
+        tangents = tan_y * self._size[0] / self._size[1], tan_y
         return IrradianceTask(
             "irradiance", position * (1 - LIFT) @ world[:3, :3].T + world[:3, 3], normal,
-            LIFT * np.linalg.norm(position, axis=-1), view, (tan_y * self._size[0] / self._size[1], tan_y),
-            self._effort.path_rays, _RAYS_OF_PASS, self._effort.seconds)
+            LIFT * np.linalg.norm(position, axis=-1), view, tangents, self._effort.path_rays, _RAYS_OF_PASS,
+            self._effort.seconds, shown=ShownSurfaces.of(pixels, tangents))
 
     def _irradiance_means(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         shape = (2, *self._rows.shape, 3)
         halves = {name: (found[key].reshape(shape) * self._occlusion).mean((2, 3))
-                  for name, key in (("R3", "all"), ("R3_visible", "visible"), ("R3_diffuse", "diffuse"),
-                                    ("R3_visible_mirrored", "visible_mirrored"))}
+                  for name, key in (("R3", "all"), ("R3_visible", "visible"), ("R3_in_view", "in_view"),
+                                    ("R3_diffuse", "diffuse"), ("R3_visible_mirrored", "visible_mirrored"))}
         self._done.result["reference_noise"] = {
             name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible")}
         self._done.result["path_rays"] = int(found["rays"])
@@ -381,6 +383,7 @@ DIFFERENCES = {
     "coarse_senders": ("R1_texels", "R1"),
     "visibility": ("R1", "R2"),
     "screen_senders": ("R2", "R3_visible"),
+    "between_pixels": ("R3_visible", "R3_in_view"),
     "missing_layers": ("R3_visible", "R3_diffuse"),
     "mirrored_visible": ("R3_visible", "R3_visible_mirrored"),
     "mirrored": ("R3_diffuse", "R3"),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ssil_viewer.reference.mitsuba_export import Description
+from ssil_viewer.reference.shown import ShownSurfaces
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class ImageTask:
 
 @dataclass(frozen=True, eq=False)
 class IrradianceTask:
-    """Irradiance of one indirect bounce at points, and the part that comes from what the camera sees.
+    """Irradiance of one indirect bounce at points, and the parts that come from what the camera and its image see.
 
     Attributes:
         position, normal: (N, 3) float64 world space; positions stand off their surfaces by `lift`.
@@ -39,6 +40,7 @@ class IrradianceTask:
         view_from_world: (4, 4).
         tangents: Of half the fields of view, horizontal and vertical.
         rays: For each point, in passes of `rays_of_pass`, a square number.
+        shown: What the image shows; None where there is no image, and all counts that the camera sees.
     """
 
     name: str
@@ -51,6 +53,7 @@ class IrradianceTask:
     rays_of_pass: int
     seconds: float
     seed: int = 0
+    shown: ShownSurfaces | None = None
 
 
 @dataclass(frozen=True, eq=False)

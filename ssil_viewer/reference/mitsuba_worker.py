@@ -170,19 +170,21 @@ def gather_irradiance(world: World, task: IrradianceTask, report: Callable[[floa
 
     Returns:
         "all": from everything. "diffuse": the part of it that surfaces send by their Lambertian reflection or emit.
-        "visible": of "diffuse", what comes from where the camera sees. "visible_mirrored": of "all", the same.
+        "in_view": of "diffuse", what comes from where the camera sees. "visible": of that, what its image shows.
+        "visible_mirrored": of "all", the same.
     """
     tracer = _VectorTracer(world, task) if _is_vector() else _ScalarTracer(world, task)
     count = len(task.position)
-    names = ("all", "diffuse", "visible", "visible_mirrored")
+    names = ("all", "diffuse", "in_view", "visible", "visible_mirrored")
     sums, counts, begun = np.zeros((len(names), 2, count, 3)), [0, 0], time.perf_counter()
     passes = max(2, -(-task.rays // task.rays_of_pass))
     for at in range(passes):
         rng = np.random.default_rng((task.seed, at))
         directions = _cosine_directions(task.normal, task.rays_of_pass, rng)
-        light, diffuse, seen = tracer.trace(directions, task.seed * 10_000 + at)
+        light, diffuse, in_view, shown = tracer.trace(directions, task.seed * 10_000 + at)
         light, diffuse = (np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in (light, diffuse))
-        for total, part in zip(sums, (light, diffuse, diffuse * seen[..., None], light * seen[..., None])):
+        in_view, shown = in_view[..., None], shown[..., None]
+        for total, part in zip(sums, (light, diffuse, diffuse * in_view, diffuse * shown, light * shown)):
             total[at % 2] += np.pi * part.mean(1)
         counts[at % 2] += 1
         report((at + 1) / passes)
@@ -213,7 +215,7 @@ def _is_vector() -> bool:
 
 
 class _Tracer:
-    """Light that comes along rays from the receivers, and whether the camera sees where it comes from."""
+    """Light that comes along rays from the receivers, and whether the camera and its image see where it comes from."""
 
     def __init__(self, world: World, task: IrradianceTask) -> None:
         import mitsuba as mi
@@ -228,17 +230,30 @@ class _Tracer:
 
     def _in_image(self, point: np.ndarray) -> np.ndarray:
         """(N,) bool: inside the camera's view, for world points (N, 3)."""
-        view = point @ self._task.view_from_world[:3, :3].T + self._task.view_from_world[:3, 3]
+        view = self._in_view_space(point)
         depth = -view[:, 2]
         return (depth > 0) & (np.abs(view[:, 0]) <= depth * self._task.tangents[0]) & (
             np.abs(view[:, 1]) <= depth * self._task.tangents[1])
+
+    def _in_view_space(self, point: np.ndarray) -> np.ndarray:
+        return point @ self._task.view_from_world[:3, :3].T + self._task.view_from_world[:3, 3]
+
+    def _shown(self, in_view: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """(N, R) bool: which of the points that the camera sees its image shows."""
+        if self._task.shown is None:
+            return in_view
+        found = np.zeros(in_view.shape, bool)
+        found[in_view] = self._task.shown.shows(self._in_view_space(points[in_view]),
+                                                normals[in_view] @ self._task.view_from_world[:3, :3].T)
+        return found
 
 
 class _ScalarTracer(_Tracer):
     """One ray after the other: for variants without LLVM."""
 
-    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Radiance (N, R, 3), its Lambertian part, and (N, R) bool: from what the camera sees."""
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Radiance (N, R, 3), its Lambertian part, and (N, R) bool: from what the camera sees, from what its image
+        shows; where there is light."""
         mi, world, task = self._mi, self._world, self._task
         self._sampler.seed(seed)
         light, diffuse = np.zeros((2, *directions.shape))
@@ -273,7 +288,7 @@ class _ScalarTracer(_Tracer):
             distance = float(np.linalg.norm(to_point))
             si, _ = self._first_surface(mi.Ray3f(self._eye_point, mi.Vector3f(*(to_point / distance).tolist())))
             seen[i, j] = np.linalg.norm(np.array(si.p) - self._eye) > distance * NEARLY if si.is_valid() else True
-        return light, diffuse if world.description.mirrors else light, seen
+        return light, diffuse if world.description.mirrors else light, seen, self._shown(seen, points, sides)
 
     def _first_surface(self, ray):
         """Where a ray meets a surface, and the rest of the ray from the last thing that it crossed."""
@@ -290,7 +305,7 @@ class _ScalarTracer(_Tracer):
 class _VectorTracer(_Tracer):
     """All rays at once."""
 
-    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def trace(self, directions: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """See `_ScalarTracer.trace`."""
         import drjit as dr
         mi, world, task = self._mi, self._world, self._task
@@ -315,10 +330,11 @@ class _VectorTracer(_Tracer):
         first, _ = self._first_surface(mi.Ray3f(self._eye_point, to_point / distance))
         faces = dr.dot(-to_point, si.n) * dr.dot(-ray.d, si.n) > 0
         seen = hit & faces & (~first.is_valid() | (dr.norm(first.p - self._eye_point) > distance * NEARLY))
-        points = np.array(si.p).T.reshape(-1, 3)
-        inside = np.array(seen) & self._in_image(np.where(np.isfinite(points), points, 0.0))
-        parts = (np.array(part).T.reshape(directions.shape) for part in (light, diffuse))
-        return *parts, inside.reshape(directions.shape[:2])
+        light, diffuse, points, sides = (np.array(part).T.reshape(directions.shape)
+                                         for part in (light, diffuse, si.p, si.n))
+        in_view = np.array(seen).reshape(directions.shape[:2]) & (light.max(-1) > 0)
+        in_view[in_view] = self._in_image(points[in_view])
+        return light, diffuse, in_view, self._shown(in_view, points, sides)
 
     def _first_surface(self, ray):
         """See `_ScalarTracer._first_surface`."""
