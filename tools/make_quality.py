@@ -15,16 +15,23 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from ssil_viewer.gpu.context import create_headless_context  # noqa: E402
 from ssil_viewer.peers.compare_all import compare_all  # noqa: E402
+from ssil_viewer.pipeline import Renderer  # noqa: E402
 from ssil_viewer.reference.bounce_series import bounce_series  # noqa: E402
 from ssil_viewer.reference.compare import DIFFERENCES, Effort, Progress, compare  # noqa: E402
+from ssil_viewer.reference.gpu_pictures import Scale  # noqa: E402
 from ssil_viewer.reference.path_traced import path_trace, working_variant  # noqa: E402
+from ssil_viewer.reference.whole_image import legend  # noqa: E402
+from ssil_viewer.reproduce.studio import tile  # noqa: E402
 from ssil_viewer.scene import default_camera, load_scene  # noqa: E402
-from ssil_viewer.settings import load_preset  # noqa: E402
+from ssil_viewer.scene.model import Camera, Scene  # noqa: E402
+from ssil_viewer.settings import Settings, load_preset  # noqa: E402
 
 BUILTIN = "cornell", "arch", "atrium"
 PRESET = "quality"          # with 256 samples and --visibility horizon
@@ -33,7 +40,8 @@ SERIES = "cornell"
 SERIES_SIZE = 640, 360
 # So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
 EFFORT = Effort(path_rays=2592, seconds=300.0)
-DATA, PAGE = ROOT / "docs" / "quality.json", ROOT / "docs" / "quality.md"
+DATA, PAGE, PICTURES = (ROOT / "docs" / name for name in ("quality.json", "quality.md", "images"))
+PANEL, SCALE = (640, 360), Scale(limit=0.5, block=8)
 
 
 def _say(what: str) -> Progress:
@@ -68,6 +76,7 @@ def measure(name: str, source: str, data: dict) -> None:
     done = compare(scene, effort=EFFORT, trace=trace, **view)
     compare_all(scene, done, timed_frames=3, simpler_at_equal_time=True, **view)
     done.result["scene"] = name
+    _picture(scene, camera, settings, done.pictures).save(PICTURES / f"quality-{name}.jpg", quality=85)
     data["comparisons"][name] = done.result
     if name == SERIES:
         data["series"], warnings = bounce_series(
@@ -75,6 +84,38 @@ def measure(name: str, source: str, data: dict) -> None:
             frames=FRAMES, spp=64, seconds=60.0, progress=_say(f"{name} bounces"))
         for warning in warnings:
             print(warning, file=sys.stderr)
+
+
+def _picture(scene: Scene, camera: Camera, settings: Settings, images: dict[str, np.ndarray]) -> Image.Image:
+    """Ours, the path tracer's, direct light with the best constant, and where ours errs.
+
+    Args:
+        images: `Comparison.pictures`.
+    """
+    context = create_headless_context()
+    renderer = Renderer(context, SIZE, settings.replaced({"bounces": 0}))
+    try:
+        renderer.set_scene(scene)
+        renderer.render(camera)
+        shown = {name: Image.fromarray(renderer.displayed(image)) for name, image in images.items()}
+    finally:
+        renderer.release()
+        context.release()
+    side = SCALE.block
+    error = (images["ssil"].astype(np.float64) - images["R3"]).mean(-1)
+    blocks = error[:SIZE[1] // side * side].reshape(-1, side, SIZE[0] // side, side).mean((1, 3)) / images["R3"].mean()
+    colors = np.array(SCALE.stops)
+    at = np.clip(blocks / SCALE.limit, -1, 1) * 2 + 2
+    painted = np.stack([np.interp(at, range(len(colors)), colors[:, channel]) for channel in range(3)], -1)
+    painted = np.round(painted * 255).astype(np.uint8).repeat(side, 0).repeat(side, 1)
+    sheet = tile([("ours", shown["ssil"]), ("R3, path traced", shown["R3"]),
+                  ("direct light and the best constant", shown["constant_ambient"]),
+                  ("ours minus R3", Image.fromarray(painted))], 2, PANEL)
+    scale = Image.fromarray(legend(sheet.width, SCALE, "ours minus R3 over the mean of R3, means of 8x8 pixels"))
+    made = Image.new("RGB", (sheet.width, sheet.height + scale.height))
+    made.paste(sheet, (0, 0))
+    made.paste(scale, (0, sheet.height))
+    return made
 
 
 def _row(*cells: str) -> str:
@@ -137,15 +178,15 @@ def _goals(found: list[tuple[str, dict]]) -> list[str]:
 
 
 def _irradiance(found: list[tuple[str, dict]]) -> list[str]:
-    kinds = ("R1", "R2", "R3_visible", "R3")
+    kinds = ("R1", "R2", "R3_visible", "R3_in_view", "R3")
     noise = "; ".join(f"{scene} {result['blocks']}, " + " and ".join(
         _number(result["reference_noise"][kind]) for kind in ("R3", "R3_visible")) for scene, result in found)
     return ["## Irradiance of one bounce", "",
             "Bias, relative RMSE and correlation of ours against each reference: without unseen light, but for R3.", "",
             *_table(("scene", *kinds), [
                 (scene, *(
-                    f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}"
-                    for x in (result["irradiance"][kind] for kind in kinds))) for scene, result in found]),
+                    f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}" if x else "-"
+                    for x in (result["irradiance"].get(kind) for kind in kinds))) for scene, result in found]),
             f"Blocks compared, and the relative noise that is left in the means of R3 and R3_visible: {noise}.", ""]
 
 
@@ -157,6 +198,10 @@ def _differences(found: list[tuple[str, dict]]) -> list[str]:
                 (scene, *(_number(result["differences"].get(key)) for key in heads)) for scene, result in found])]
 
 
+_CAPTIONS = {"sponza": "Crytek Sponza, (c) 2010 Frank Meinl, Crytek, CC BY 3.0, as the Computer Graphics Archive "
+                       "(casual-effects.com) has it; textures at 512 pixels, without its banner"}
+
+
 def _images(found: list[tuple[str, dict]]) -> list[str]:
     kinds = ("ssil", "direct_only", "constant_ambient")
     return ["## The image with one bounce, against R3", "",
@@ -165,7 +210,10 @@ def _images(found: list[tuple[str, dict]]) -> list[str]:
             *_table(("scene", "SSIL", "direct light", "with best constant", "noise of R3"), [
                 (scene, *(f"{_number(x['relative_rmse'])}, {_number(x.get('flip'))}" for x in (
                     *(result["image"][kind] for kind in kinds), result["image_noise"])))
-                for scene, result in found])]
+                for scene, result in found]),
+            *(line for scene, _ in found if (PICTURES / f"quality-{scene}.jpg").exists() for line in (
+                f"![{scene}: ours, R3, direct light and the best constant, the error of ours]"
+                f"(images/quality-{scene}.jpg)", f"*{_CAPTIONS.get(scene, f'`builtin:{scene}`')}*", ""))]
 
 
 def _methods(found: list[tuple[str, dict]]) -> list[str]:
