@@ -75,7 +75,12 @@ BUFFERS: dict[str, Buffer] = {
                           "voxels_far"),
     "winner": Buffer(("winner",), (0,), INDEX, "which of its four finer texels a texel kept, x + 2 y, plus "
                      "4 * the share of its footprint in 63rds"),
+    "brightest_normal": Buffer(("brightest",), view=NORMAL, meaning="unit normal of the brightest pixel of each texel, "
+                               "or nearly so, in view space"),
+    "brightest_depth": Buffer(("brightest",), (3,), DEPTH, "metres along the viewing direction of the brightest "
+                              "pixel of each texel, or nearly so"),
     "gather": Buffer(("gather",)),
+    "near": Buffer(("near",)),
     "unseen": Buffer(("unseen",)),
     "light": Buffer(("light",)),
     "upsample": Buffer(("all_bounces", "upsample"), meaning="irradiance of all bounces in this frame alone, W m^-2"),

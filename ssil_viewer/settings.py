@@ -169,6 +169,10 @@ class Settings:
         "of it, behind the camera, behind other things. They are traced against the scene's triangles, which no "
         "screen-space method does; 0 switches them off. Cost grows in proportion.",
         0, 32, affects="resources", group="Unseen light")] = 0
+    unseen_from: Annotated[Literal["everywhere", "view"], Knob(
+        "Which of these surfaces send: all of them, or only what the camera sees and no pixel has, such as ledges seen "
+        "edge-on, which is as far as a method could get that knows what the camera sees.",
+        group="Unseen light")] = "everywhere"
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
         "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
         "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"

@@ -66,8 +66,8 @@ def _remembering():
     return trace
 
 
-def measure(name: str, source: str, data: dict) -> None:
-    """A scene under the preset, and the other methods beside it, into `data`."""
+def measure(name: str, source: str, data: dict) -> Image.Image:
+    """A scene under the preset, and the other methods beside it, into `data`; its picture."""
     scene, trace = load_scene(source), _remembering()
     camera = default_camera(scene)
     data["variant"] = working_variant()
@@ -76,7 +76,6 @@ def measure(name: str, source: str, data: dict) -> None:
     done = compare(scene, effort=EFFORT, trace=trace, **view)
     compare_all(scene, done, timed_frames=3, simpler_at_equal_time=True, **view)
     done.result["scene"] = name
-    _picture(scene, camera, settings, done.pictures).save(PICTURES / f"quality-{name}.jpg", quality=85)
     data["comparisons"][name] = done.result
     if name == SERIES:
         data["series"], warnings = bounce_series(
@@ -84,6 +83,7 @@ def measure(name: str, source: str, data: dict) -> None:
             frames=FRAMES, spp=64, seconds=60.0, progress=_say(f"{name} bounces"))
         for warning in warnings:
             print(warning, file=sys.stderr)
+    return _picture(scene, camera, settings, done.pictures)
 
 
 def _picture(scene: Scene, camera: Camera, settings: Settings, images: dict[str, np.ndarray]) -> Image.Image:
@@ -97,13 +97,17 @@ def _picture(scene: Scene, camera: Camera, settings: Settings, images: dict[str,
     try:
         renderer.set_scene(scene)
         renderer.render(camera)
-        shown = {name: Image.fromarray(renderer.displayed(image)) for name, image in images.items()}
+        shown = {name: Image.fromarray(renderer.displayed(images[name])) for name in ("ssil", "R3", "constant_ambient")}
+        visible = renderer.read("view_depth") > 0
     finally:
         renderer.release()
         context.release()
-    side = SCALE.block
-    error = (images["ssil"].astype(np.float64) - images["R3"]).mean(-1)
-    blocks = error[:SIZE[1] // side * side].reshape(-1, side, SIZE[0] // side, side).mean((1, 3)) / images["R3"].mean()
+    # As the window's: background, where all are alike, does not count
+    side, counted = SCALE.block, visible.astype(np.float64)
+    error = (images["ssil"].astype(np.float64) - images["R3"]).mean(-1) * counted
+    sums, pixels = (x[:SIZE[1] // side * side].reshape(-1, side, SIZE[0] // side, side).sum((1, 3))
+                    for x in (error, counted))
+    blocks = sums / np.maximum(pixels, 1) / images["R3"][visible].mean()
     colors = np.array(SCALE.stops)
     at = np.clip(blocks / SCALE.limit, -1, 1) * 2 + 2
     painted = np.stack([np.interp(at, range(len(colors)), colors[:, channel]) for channel in range(3)], -1)
@@ -143,9 +147,10 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
-    older = sorted(name for name, result in found if result["frames"] != FRAMES)    # before there were more rays, too
+    older = sorted(name for name, result in found if result["frames"] != FRAMES or "R3_shown" not in result["irradiance"])
     if older:
-        lines += [f"Measured earlier, with other numbers of frames and rays, not anew since: {', '.join(older)}.", ""]
+        lines += ["Measured earlier, before R3_shown was told from R3_visible, not anew since: "
+                  f"{', '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
@@ -165,24 +170,27 @@ def _goals(found: list[tuple[str, dict]]) -> list[str]:
         rows = {row["method"]: row["image"]["relative_rmse"] for row in result["methods"]["equal_time"]["rows"]}
         ours, peers = rows.pop("ssil_horizon"), {name: error for name, error in rows.items() if "ssil" not in name}
         best = min(peers, key=peers.get)
-        return (scene, _number(result["irradiance"]["R3_visible"]["relative_rmse"]),
+        return (scene, *(_number(result["irradiance"].get(kind, {}).get("relative_rmse"))
+                         for kind in ("R3_shown", "R3_visible")),
                 f"{image['ssil'] / image['direct_only']:.2f}", f"{image['ssil'] / image['constant_ambient']:.2f}",
                 f"{ours:.3f}, {best} {peers[best]:.3f}", _number(result["differences"]["missing_layers"]))
     return ["## Goals", "",
-            "Relative RMSE of the irradiance from what the image shows to R3_visible, to be below 0.12; error of the",
+            "Relative RMSE of the irradiance from what the image shows to R3_shown, and with what the camera sees between",
+            "pixels (`--unseen-from view`) to R3_visible, to be below 0.12; error of the",
             "image, [unseen light](method/unseen.md) included, over that of direct light alone (at most 0.33) and over",
             "that with the best constant ambient light (0.5); the image's error at equal time beside the best simpler",
             "method's. The last column is what no method can know that looks at one layer of the screen.", "",
-            *_table(("scene", "R3_visible", "over direct light", "over constant", "at equal time", "R3_visible to R3"),
+            *_table(("scene", "R3_shown", "R3_visible", "over direct light", "over constant", "at equal time", "R3_visible to R3"),
                     [row(scene, result) for scene, result in found])]
 
 
 def _irradiance(found: list[tuple[str, dict]]) -> list[str]:
-    kinds = ("R1", "R2", "R3_visible", "R3_in_view", "R3")
+    kinds = ("R1", "R2", "R3_shown", "R3_visible", "R3")
     noise = "; ".join(f"{scene} {result['blocks']}, " + " and ".join(
-        _number(result["reference_noise"][kind]) for kind in ("R3", "R3_visible")) for scene, result in found)
+        _number(result["reference_noise"].get(kind)) for kind in ("R3", "R3_visible")) for scene, result in found)
     return ["## Irradiance of one bounce", "",
-            "Bias, relative RMSE and correlation of ours against each reference: without unseen light, but for R3.", "",
+            "Bias, relative RMSE and correlation of ours against each reference: without unseen light to R1, R2 and",
+            "R3_shown, with what of it the camera sees between pixels to R3_visible, and all of it to R3.", "",
             *_table(("scene", *kinds), [
                 (scene, *(
                     f"{_percent(x['bias'])}, {_number(x['relative_rmse'])}, {_number(x['correlation'])}" if x else "-"
@@ -227,7 +235,7 @@ def _methods(found: list[tuple[str, dict]]) -> list[str]:
              "with the samples that take about the time of SSIL with `--visibility horizon`. Relative RMSE of",
              "the image against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
              f"{first['clock']}.", ""]
-    head = "scene", "method", "samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible"
+    head = "scene", "method", "samples", "ms", "image", "FLIP", "R1", "R2", "R3_shown"
     for title, of in (("As they are:", lambda methods: methods["rows"]),
                       ("At equal time:", lambda methods: methods["equal_time"]["rows"])):
         lines += [title, "", *_table(head, [_method_row(scene, row) for scene, methods in measured
@@ -238,7 +246,7 @@ def _methods(found: list[tuple[str, dict]]) -> list[str]:
 def _method_row(scene: str, row: dict) -> tuple[str, ...]:
     return (scene, row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
             *(_number(row["image"].get(key)) for key in ("relative_rmse", "flip")),
-            *(_number(row["irradiance"].get(kind, {}).get("relative_rmse")) for kind in ("R1", "R2", "R3_visible")))
+            *(_number(row["irradiance"].get(kind, {}).get("relative_rmse")) for kind in ("R1", "R2", "R3_shown")))
 
 
 def _series(series: list[dict]) -> list[str]:
@@ -259,8 +267,9 @@ def main() -> None:
     data = json.loads(DATA.read_text()) if DATA.exists() else {"comparisons": {}}
     for given in () if args.page else args.scenes:
         name, _, file = given.partition("=")
-        measure(name, file or f"builtin:{name}", data)
+        picture = measure(name, file or f"builtin:{name}", data)
         DATA.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        picture.save(PICTURES / f"quality-{name}.jpg", quality=85)
     write_page(data)
 
 

@@ -53,9 +53,9 @@ vec3 lambert_radiance(uint random, vec3 position, vec3 n, vec3 albedo, vec3 emis
     return finite_half(emission + albedo * irradiance * (1.0 / PI));
 }
 
-// Of the depth, and least cosine: how far from a plane and how far turned a pixel may be that shows it. Also in
-// ssil_viewer/reference/shown.py.
-const float SHOWN_REACH = 3e-3, SHOWN_FACING = 0.5;
+// How far from a plane a pixel may be that shows it, a share of the depth, or as many pixels if that is more; how far turned,
+// the least cosine. Also in ssil_viewer/reference/shown.py.
+const float SHOWN_REACH = 3e-3, SHOWN_PIXELS = 1.5, SHOWN_FACING = 0.5;
 
 // Whether a pixel lies on the plane through a point, and faces the same way.
 bool shows_plane(ivec2 at, vec3 position, vec3 n) {
@@ -63,13 +63,14 @@ bool shows_plane(ivec2 at, vec3 position, vec3 n) {
     float depth = load_image_surface(at).view_depth;
     if (depth <= 0.0) return false;
     vec3 shown = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin), depth);
-    return abs(dot(shown - position, n)) < -SHOWN_REACH * position.z
+    float reach = max(SHOWN_REACH, SHOWN_PIXELS * max(frame.ray_scale.x, frame.ray_scale.y));
+    return abs(dot(shown - position, n)) < -reach * position.z
         && dot(decode_direction16(load_motion(at).w), n) > SHOWN_FACING;
 }
 
-// Whether the image shows a surface at a point of view space, so that the gather has its light already: it is not hidden, and a
-// pixel lies on its plane, its own or one next to it. A ledge seen edge-on is in plain sight and has none. Needs the reads
-// `image_surface` and `motion`.
+// Whether the image shows a surface at a point of view space, so that the gather has its light already: it is not hidden,
+// and a pixel lies on its plane, its own or one next to it. A ledge seen edge-on is in plain sight and has none. Needs the
+// reads `image_surface` and `motion`.
 bool is_shown(vec3 position, vec3 n) {
     float depth = -position.z;
     vec3 to_camera = -position;
@@ -90,6 +91,18 @@ bool is_shown(vec3 position, vec3 n) {
     return false;
 }
 
+// Whether it sends unseen light. VIEW_ALONE: only what the camera sees between pixels does.
+bool sends_unseen(vec3 position, vec3 n) {
+    if (is_shown(position, n)) return false;
+#ifdef VIEW_ALONE
+    vec2 pixel = (position.xy / -position.z - frame.ray_origin) / frame.ray_scale;
+    return position.z < -frame.near && dot(n, position) < 0.0 && is_on_screen(ivec2(floor(pixel)), size_image_surface())
+        && !is_blocked(to_world(position * (1.0 - RAY_LIFT)), to_world(vec3(0.0)));
+#else
+    return true;
+#endif
+}
+
 // Radiance of what a ray meets first, where the image does not show it; black where it meets nothing. In view space. Needs the
 // table `triangle_colors`.
 vec3 unseen_radiance(vec3 from, vec3 along, uint random) {
@@ -101,7 +114,7 @@ vec3 unseen_radiance(vec3 from, vec3 along, uint random) {
     bool back = dot(n, way) > 0.0;
     if (back && colors.w < 0.0) return vec3(0.0);
     if (back) n = -n;
-    if (is_shown(from + along * met.at, mat3(frame.view_from_world) * n)) return vec3(0.0);
+    if (!sends_unseen(from + along * met.at, mat3(frame.view_from_world) * n)) return vec3(0.0);
     int code = int(abs(colors.w)) - 1;
     vec3 albedo = vec3(code & 255, (code >> 8) & 255, code >> 16) * (1.0 / 255.0);
     return lambert_radiance(hash(random), start + way * met.at, n, albedo * albedo, colors.rgb);

@@ -201,8 +201,8 @@ _MEANINGS = {
     "method_with_visibility": "ours to R2: noise, rings, mipmaps, error of the visibility mode",
     "coarse_senders": "R1 with texels of the starting level as senders to R1: mipmaps",
     "visibility": "R1 to R2: visibility as a whole",
-    "screen_senders": "R2 to R3_visible: senders as pixels, direct light",
-    "between_pixels": "R3_visible to R3_in_view: seen by the camera, but by no pixel",
+    "screen_senders": "R2 to R3_shown: senders as pixels, direct light",
+    "between_pixels": "R3_shown to R3_visible: seen by the camera, but by no pixel",
     "missing_layers": "R3_visible to diffuse R3: off screen and hidden layers",
     "mirrored_visible": "R3_visible without and with what senders mirror",
     "mirrored": "diffuse R3 to R3: what senders mirror",
@@ -210,14 +210,14 @@ _MEANINGS = {
 }
 
 
-_METHOD_HEAD = ("samples", "ms", "image", "FLIP", "R1", "R2", "R3_visible")
+_METHOD_HEAD = ("samples", "ms", "image", "FLIP", "R1", "R2", "R3_shown")
 
 
 def _method_rows(rows: list[dict[str, Any]]) -> list[tuple[str, ...]]:
     """Errors are relative RMSE, of the image against R3 and of irradiance against each reference."""
     return [(row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
              *(_number((row["image"] or {}).get(key)) for key in ("relative_rmse", "flip")),
-             *(_number(row["irradiance"].get(name, {}).get("relative_rmse")) for name in ("R1", "R2", "R3_visible")))
+             *(_number(row["irradiance"].get(name, {}).get("relative_rmse")) for name in ("R1", "R2", "R3_shown")))
             for row in rows]
 
 

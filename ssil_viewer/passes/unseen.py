@@ -34,6 +34,8 @@ def _light_defines(frame: SceneFrame) -> tuple[tuple[str, str], ...]:
     defines = [(f"AREA_{kind.upper()}", "") for kind in frame.lights.area_kinds]
     if frame.has_feature("environment"):
         defines.append(("ENVIRONMENT", ""))
+    if frame.settings.unseen_from == "view":
+        defines.append(("VIEW_ALONE", ""))
     return (*defines, *ray_defines(frame))
 
 

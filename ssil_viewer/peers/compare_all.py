@@ -181,7 +181,7 @@ class _ComparingAll:
         image, irradiance, more = light(renderer)
         if keep_picture:
             self._done.pictures[method.name] = np.asarray(image, np.float32)
-        errors = self._errors(image, irradiance, self._seen_light(renderer, method, irradiance))
+        errors = self._errors(image, irradiance, self._shown_light(renderer, method, irradiance))
         passes = timed.timings.passes
         work = {"samples": method.occlusion.samples, "slices": method.occlusion.slices,
                 "steps": method.occlusion.steps, "radius": method.occlusion.radius} if method.occlusion else {
@@ -193,7 +193,7 @@ class _ComparingAll:
                 "passes": {name: time.median_ms for name, time in passes.items()},
                 **errors, **more}
 
-    def _seen_light(self, renderer: Renderer, method: Method, irradiance: np.ndarray | None) -> np.ndarray | None:
+    def _shown_light(self, renderer: Renderer, method: Method, irradiance: np.ndarray | None) -> np.ndarray | None:
         """Irradiance from what the image shows; the method's own where it knows of nothing else."""
         if irradiance is None or not method.settings.unseen_samples:
             return irradiance
@@ -206,12 +206,12 @@ class _ComparingAll:
         renderer.reset_history()
         render_frames(renderer, self._camera, self._frames)
 
-    def _errors(self, image: np.ndarray, irradiance: np.ndarray | None, seen: np.ndarray | None = None
+    def _errors(self, image: np.ndarray, irradiance: np.ndarray | None, shown: np.ndarray | None = None
                 ) -> dict[str, Any]:
-        """Of a method's image and irradiance; seen: the part of it that comes from what the image shows."""
+        """Of a method's image and irradiance; shown: the part of it that comes from what the image shows."""
         blocks = self._done.blocks
         return {"image": self._picture.error(image) if self._picture else None,
-                "irradiance": blocks.agreement(irradiance, seen) if blocks and irradiance is not None else {}}
+                "irradiance": blocks.agreement(irradiance, shown) if blocks and irradiance is not None else {}}
 
     @staticmethod
     def _our_light(renderer: Renderer) -> tuple[np.ndarray, np.ndarray | None, dict[str, Any]]:

@@ -72,7 +72,7 @@ class Blocks:
         rows, columns: (B, BLOCK, BLOCK) pixels of each block.
         references: Name -> (B, 3), means of each block, W m^-2: R1 to R3; "R1_texels", with texels of
             the starting level as senders; "R3_diffuse", R3 without what senders mirror, as "R3_visible" and
-            "R3_in_view" are, and "R3_visible_mirrored", R3_visible with it.
+            "R3_shown" are, and "R3_visible_mirrored", R3_visible with it.
     """
 
     rows: np.ndarray
@@ -83,19 +83,24 @@ class Blocks:
         """(B, 3) of an image's irradiance, (H, W, 3)."""
         return irradiance[self.rows, self.columns].mean((1, 2))
 
-    def agreement(self, irradiance: np.ndarray, seen: np.ndarray | None = None) -> dict[str, dict[str, float]]:
+    def agreement(self, irradiance: np.ndarray, shown: np.ndarray | None = None, visible: np.ndarray | None = None
+                  ) -> dict[str, dict[str, float]]:
         """Of an image's irradiance with each reference: see `metrics.agreement`.
 
         Args:
             irradiance: (H, W, 3).
-            seen: What of it comes from surfaces that the image shows, which is all that R1, R2 and R3_visible know;
+            shown: What of it comes from surfaces that the image shows, which is all that R1, R2 and R3_shown know;
                 None: all of it.
+            visible: The same and what the camera sees between pixels, for R3_visible; None where `shown` is not: not
+                known, and not compared.
         """
         if not len(self.rows):
             return {}
-        means = self.means(irradiance), self.means(irradiance if seen is None else seen)
-        return {name: metrics.agreement(means[name != "R3"], self.references[name])
-                for name in ("R1", "R2", "R3_visible", "R3_in_view", "R3") if name in self.references}
+        shown = irradiance if shown is None else shown
+        visible = irradiance if shown is irradiance else visible
+        images = {"R1": shown, "R2": shown, "R3_shown": shown, "R3_visible": visible, "R3": irradiance}
+        return {name: metrics.agreement(self.means(image), self.references[name])
+                for name, image in images.items() if name in self.references and image is not None}
 
 
 @dataclass
@@ -162,17 +167,22 @@ class _Comparing:
     def run(self) -> Comparison:
         one_bounce = dataclasses.replace(self._settings, bounces=1, feedback=False)
         # R1 and R2 are about what the image shows
-        seen_light = dataclasses.replace(one_bounce, unseen_samples=0)
-        renderer = self._rendered(seen_light, "rendering")
+        shown_light = dataclasses.replace(one_bounce, unseen_samples=0)
+        renderer = self._rendered(shown_light, "rendering")
         try:
             receivers = read_surfaces(renderer, self._camera)
             self._blocks(receivers)
-            seen = ours = renderer.read("indirect")
+            shown = visible = ours = renderer.read("indirect")
             self._occlusion = renderer.read("occlusion")[self._rows, self._columns][..., None].astype(np.float64)
-            self._seen = seen[self._rows, self._columns].mean((1, 2))
+            self._shown = shown[self._rows, self._columns].mean((1, 2))
             found = self._sums(renderer, receivers)
-            if one_bounce != seen_light:
+            if one_bounce != shown_light:
                 renderer.release()
+                if "R3" in self._effort.references:
+                    renderer = self._rendered(dataclasses.replace(one_bounce, unseen_from="view"),
+                                              "rendering with what is between pixels")
+                    visible = renderer.read("indirect")
+                    renderer.release()
                 renderer = self._rendered(one_bounce, "rendering with unseen light")
                 ours = renderer.read("indirect")
             self._ours = ours[self._rows, self._columns].mean((1, 2))
@@ -185,7 +195,7 @@ class _Comparing:
         noise = self._noise(one_bounce)
         result = self._done.result
         self._done.blocks = Blocks(self._rows, self._columns, found)
-        result["irradiance"] = self._done.blocks.agreement(ours, seen)
+        result["irradiance"] = self._done.blocks.agreement(ours, shown, visible)
         result["differences"] = self._differences(found, noise)
         result["warnings"] = self._done.warnings
         return self._done
@@ -286,7 +296,7 @@ class _Comparing:
     # -- R3 ------------------------------------------------------------------------------------------------------------
 
     def _traced(self, renderer: Renderer, receivers: Surfaces) -> dict[str, np.ndarray]:
-        """Means over the blocks of R3 and R3_visible; the image's comparison goes into the result."""
+        """Means over the blocks of R3 and its parts; the image's comparison goes into the result."""
         if "R3" not in self._effort.references:
             return {}
         description = describe(self._scene, self._settings)
@@ -326,10 +336,10 @@ class _Comparing:
     def _irradiance_means(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         shape = (2, *self._rows.shape, 3)
         halves = {name: (found[key].reshape(shape) * self._occlusion).mean((2, 3))
-                  for name, key in (("R3", "all"), ("R3_visible", "visible"), ("R3_in_view", "in_view"),
-                                    ("R3_diffuse", "diffuse"), ("R3_visible_mirrored", "visible_mirrored"))}
+                  for name, key in (("R3", "all"), ("R3_diffuse", "diffuse"), ("R3_visible", "visible"),
+                                    ("R3_visible_mirrored", "visible_mirrored"), ("R3_shown", "shown"))}
         self._done.result["reference_noise"] = {
-            name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible")}
+            name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible", "R3_shown")}
         self._done.result["path_rays"] = int(found["rays"])
         return {name: pair.mean(0) for name, pair in halves.items()}
 
@@ -369,7 +379,7 @@ class _Comparing:
         if not found or noise is None:
             return {}
         scale = next(found[name] for name in ("R3", "R2", "R1", "R3_visible") if name in found).mean()
-        everything = found | {"ours": self._ours, "seen": self._seen}
+        everything = found | {"ours": self._ours, "shown": self._shown}
         shares = {"noise": noise}
         for name, (a, b) in DIFFERENCES.items():
             if a in everything and b in everything:
@@ -378,12 +388,12 @@ class _Comparing:
 
 
 DIFFERENCES = {
-    "method_without_visibility": ("seen", "R1"),
-    "method_with_visibility": ("seen", "R2"),
+    "method_without_visibility": ("shown", "R1"),
+    "method_with_visibility": ("shown", "R2"),
     "coarse_senders": ("R1_texels", "R1"),
     "visibility": ("R1", "R2"),
-    "screen_senders": ("R2", "R3_visible"),
-    "between_pixels": ("R3_visible", "R3_in_view"),
+    "screen_senders": ("R2", "R3_shown"),
+    "between_pixels": ("R3_shown", "R3_visible"),
     "missing_layers": ("R3_visible", "R3_diffuse"),
     "mirrored_visible": ("R3_visible", "R3_visible_mirrored"),
     "mirrored": ("R3_diffuse", "R3"),

@@ -170,21 +170,21 @@ def gather_irradiance(world: World, task: IrradianceTask, report: Callable[[floa
 
     Returns:
         "all": from everything. "diffuse": the part of it that surfaces send by their Lambertian reflection or emit.
-        "in_view": of "diffuse", what comes from where the camera sees. "visible": of that, what its image shows.
-        "visible_mirrored": of "all", the same.
+        "visible": of "diffuse", what comes from where the camera sees. "visible_mirrored": of "all", the same.
+        "shown": of "visible", what the camera's image shows.
     """
     tracer = _VectorTracer(world, task) if _is_vector() else _ScalarTracer(world, task)
     count = len(task.position)
-    names = ("all", "diffuse", "in_view", "visible", "visible_mirrored")
+    names = ("all", "diffuse", "visible", "visible_mirrored", "shown")
     sums, counts, begun = np.zeros((len(names), 2, count, 3)), [0, 0], time.perf_counter()
     passes = max(2, -(-task.rays // task.rays_of_pass))
     for at in range(passes):
         rng = np.random.default_rng((task.seed, at))
         directions = _cosine_directions(task.normal, task.rays_of_pass, rng)
-        light, diffuse, in_view, shown = tracer.trace(directions, task.seed * 10_000 + at)
+        light, diffuse, seen, shown = tracer.trace(directions, task.seed * 10_000 + at)
         light, diffuse = (np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in (light, diffuse))
-        in_view, shown = in_view[..., None], shown[..., None]
-        for total, part in zip(sums, (light, diffuse, diffuse * in_view, diffuse * shown, light * shown)):
+        seen, shown = seen[..., None], shown[..., None]
+        for total, part in zip(sums, (light, diffuse, diffuse * seen, light * seen, diffuse * shown)):
             total[at % 2] += np.pi * part.mean(1)
         counts[at % 2] += 1
         report((at + 1) / passes)
@@ -236,15 +236,16 @@ class _Tracer:
             np.abs(view[:, 1]) <= depth * self._task.tangents[1])
 
     def _in_view_space(self, point: np.ndarray) -> np.ndarray:
+        """(N, 3) world points in view space."""
         return point @ self._task.view_from_world[:3, :3].T + self._task.view_from_world[:3, 3]
 
-    def _shown(self, in_view: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(N, R) bool: which of the points that the camera sees its image shows."""
+    def _shown(self, seen: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """(N, R) bool: which of the points that the camera sees, (N, R), its image shows; (N, R, 3) in world space."""
         if self._task.shown is None:
-            return in_view
-        found = np.zeros(in_view.shape, bool)
-        found[in_view] = self._task.shown.shows(self._in_view_space(points[in_view]),
-                                                normals[in_view] @ self._task.view_from_world[:3, :3].T)
+            return seen
+        found = np.zeros(seen.shape, bool)
+        found[seen] = self._task.shown.shows(self._in_view_space(points[seen]),
+                                             normals[seen] @ self._task.view_from_world[:3, :3].T)
         return found
 
 
@@ -280,7 +281,7 @@ class _ScalarTracer(_Tracer):
                     for into, _ in scenes:
                         into[i, j] += found[0], found[1], found[2]
                 hit[i, j], points[i, j], sides[i, j] = True, (p[0], p[1], p[2]), (n[0], n[1], n[2])
-        inside = hit & (light.max(-1) > 0)
+        inside = hit & (np.maximum(light, diffuse).max(-1) > 0)     # each may have drawn a lamp that is hidden
         inside[inside] = self._in_image(points[inside])
         faces = ((self._eye - points) * sides).sum(-1) * (-directions * sides).sum(-1) > 0
         for i, j in np.argwhere(inside & faces):
@@ -332,9 +333,9 @@ class _VectorTracer(_Tracer):
         seen = hit & faces & (~first.is_valid() | (dr.norm(first.p - self._eye_point) > distance * NEARLY))
         light, diffuse, points, sides = (np.array(part).T.reshape(directions.shape)
                                          for part in (light, diffuse, si.p, si.n))
-        in_view = np.array(seen).reshape(directions.shape[:2]) & (light.max(-1) > 0)
-        in_view[in_view] = self._in_image(points[in_view])
-        return light, diffuse, in_view, self._shown(in_view, points, sides)
+        seen = np.array(seen).reshape(directions.shape[:2]) & (np.maximum(light, diffuse).max(-1) > 0)
+        seen[seen] = self._in_image(points[seen])
+        return light, diffuse, seen, self._shown(seen, points, sides)
 
     def _first_surface(self, ray):
         """See `_ScalarTracer._first_surface`."""

@@ -16,8 +16,9 @@ import numpy as np
 if TYPE_CHECKING:       # Mitsuba's process needs nothing of OpenGL
     from ssil_viewer.reference.all_pixels import Surfaces
 
-PLANE_REACH = 3e-3      # of the depth. By so much may pixels be off the plane: SHOWN_REACH of shaders/lib/unseen.glsl
-SAME_WAY = 0.5          # least cosine between two normals that face the same way: SHOWN_FACING there
+# As in shaders/lib/unseen.glsl. How far pixels may be off the plane: a share of the depth, or as many pixels if that is
+# more; the least cosine between two normals that face the same way.
+SHOWN_REACH, SHOWN_PIXELS, SHOWN_FACING = 3e-3, 1.5, 0.5
 _AROUND = (0, 0), *((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1) if x or y)
 
 
@@ -45,9 +46,10 @@ class ShownSurfaces:
         """(N,) bool: whether the image shows points that nothing hides from the camera.
 
         Args:
-            position, normal: (N, 3) in view space; the normal of the triangle, to either side.
+            position, normal: (N, 3) in view space, metres; the normal of the triangle, to either side.
         """
         height, width = self.position.shape[:2]
+        reach = max(SHOWN_REACH, SHOWN_PIXELS * 2 * self.tangents[1] / height)
         depth = -position[:, 2]
         shown = np.zeros(len(position), bool)
         left = np.flatnonzero(depth > 0)
@@ -60,7 +62,7 @@ class ShownSurfaces:
             found = self.normal[pixel]
             n = normal[left]
             off = np.abs(((self.position[pixel] - position[left]) * n).sum(-1))
-            here = (off < PLANE_REACH * depth[left]) & (np.abs((found * n).sum(-1)) > SAME_WAY)
+            here = (off < reach * depth[left]) & (np.abs((found * n).sum(-1)) > SHOWN_FACING)
             shown[left[here]] = True
             left, column, row = left[~here], column[~here], row[~here]
         return shown

@@ -61,8 +61,8 @@ def fake_trace(factor):
             progress(task.name, 1.0)
             if task.name == "irradiance":
                 light = np.full((2, len(task.position), 3), factor)
-                found[task.name] = {"all": light, "diffuse": light, "in_view": 0.6 * light, "visible": 0.5 * light,
-                                     "visible_mirrored": 0.5 * light, "rays": np.array(task.rays)}
+                found[task.name] = {"all": light, "diffuse": light, "visible": 0.6 * light, "shown": 0.5 * light,
+                                     "visible_mirrored": 0.6 * light, "rays": np.array(task.rays)}
             else:
                 image = np.full((task.camera["height"], task.camera["width"], 3), factor, np.float32)
                 found[task.name] = {"image": image, "first": image, "second": image, "spp": np.array(task.spp)}
@@ -77,7 +77,7 @@ def test_the_promised_structure(context):
     result = json.loads(json.dumps(done.result, allow_nan=False))
     assert {"scene", "size", "settings", "block", "irradiance", "image", "seconds"} <= result.keys()
     assert (result["size"], result["block"], result["blocks"]) == (list(SIZE), BLOCK, 12)
-    assert list(result["irradiance"]) == ["R1", "R2", "R3_visible", "R3_in_view", "R3"]
+    assert list(result["irradiance"]) == ["R1", "R2", "R3_shown", "R3_visible", "R3"]
     for found in result["irradiance"].values():
         assert found.keys() == {"bias", "relative_rmse", "correlation"}
     assert result["image"].keys() == {"ssil", "direct_only", "constant_ambient"}
@@ -86,7 +86,7 @@ def test_the_promised_structure(context):
     assert result["seconds"].keys() == {"R1", "R2", "R3"}
     assert Settings(**result["settings"]) == SETTINGS
     assert asked["image"].bounces == 1
-    assert result["differences"]["missing_layers"] == pytest.approx(0.5), "visible is half of all in the fake"
+    assert result["differences"]["missing_layers"] == pytest.approx(0.4), "visible is 0.6 of all in the fake"
     assert result["differences"]["between_pixels"] == pytest.approx(0.1)
     assert asked["irradiance"].shown.normal.shape == (SIZE[1], SIZE[0], 3)
 
@@ -114,7 +114,7 @@ def test_the_image_is_compared_with_its_own_bounces(context):
                        effort=replace(EFFORT, references=("R3",)), context=context, trace=trace)
         assert asked["image"].bounces == bounces
         assert done.result["image_bounces"] == bounces
-        assert done.result["irradiance"].keys() == {"R3", "R3_visible", "R3_in_view"}
+        assert done.result["irradiance"].keys() == {"R3", "R3_visible", "R3_shown"}
 
 
 def test_the_best_constant_is_found(context):
@@ -130,7 +130,7 @@ def test_the_best_constant_is_found(context):
         found = {"image": truth, "first": truth, "second": truth, "spp": np.array(2)}
         light = np.ones((2, EFFORT.blocks * BLOCK**2, 3))
         return {"image": found, "irradiance": dict.fromkeys(
-            ("all", "diffuse", "in_view", "visible", "visible_mirrored"), light) | {"rays": np.array(36)}}
+            ("all", "diffuse", "visible", "visible_mirrored", "shown"), light) | {"rays": np.array(36)}}
 
     image = compare(scenes.cornell(), size=SIZE, settings=settings, camera=scenes.CORNELL_CAMERA, frames=1,
                     effort=replace(EFFORT, references=("R3",)), context=context, trace=trace).result["image"]

@@ -43,7 +43,7 @@ def traced(image):
         found = {"image": image, "first": image, "second": image, "spp": np.array(2)}
         light = np.ones((2, 10 * BLOCK**2, 3))
         return {"image": found, "irradiance": dict.fromkeys(
-            ("all", "diffuse", "in_view", "visible", "visible_mirrored"), light) | {"rays": np.array(36)}}
+            ("all", "diffuse", "visible", "visible_mirrored", "shown"), light) | {"rays": np.array(36)}}
     return trace
 
 
@@ -120,7 +120,7 @@ def test_the_best_radius_and_ambient_light_are_found(context):
     assert rows["gtao"]["image"]["relative_rmse"] < 1e-3
     assert rows["constant_ambient"]["image"]["relative_rmse"] > 0.01
     assert rows["ssil_horizon"]["image"]["relative_rmse"] > 0.01
-    assert rows["gtao"]["irradiance"].keys() == {"R3_visible", "R3_in_view", "R3"}
+    assert rows["gtao"]["irradiance"].keys() == {"R3_visible", "R3_shown", "R3"}
     for name, row in (("direct_only", rows["direct_only"]), ("constant_ambient", rows["constant_ambient"]),
                       ("ssil", rows["ssil_horizon"])):
         assert row["image"] == pytest.approx(found["image"][name], rel=1e-3), name
