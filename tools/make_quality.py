@@ -39,7 +39,7 @@ SIZE, FRAMES = (1280, 720), 16     # what `render` and `compare` take
 SERIES = "cornell"
 SERIES_SIZE = 640, 360
 # So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
-EFFORT = Effort(path_rays=2592, seconds=300.0)
+EFFORT = Effort(path_rays=2592, seconds=200.0)
 DATA, PAGE, PICTURES = (ROOT / "docs" / name for name in ("quality.json", "quality.md", "images"))
 PANEL, SCALE = (640, 360), Scale(limit=0.5, block=8)
 
@@ -147,7 +147,8 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
-    older = sorted(name for name, result in found if result["frames"] != FRAMES or "R3_shown" not in result["irradiance"])
+    older = sorted(name for name, result in found
+                   if result["frames"] != FRAMES or "R3_shown" not in result["irradiance"])
     if older:
         lines += ["Measured earlier, before R3_shown was told from R3_visible, not anew since: "
                   f"{', '.join(older)}.", ""]
@@ -175,13 +176,13 @@ def _goals(found: list[tuple[str, dict]]) -> list[str]:
                 f"{image['ssil'] / image['direct_only']:.2f}", f"{image['ssil'] / image['constant_ambient']:.2f}",
                 f"{ours:.3f}, {best} {peers[best]:.3f}", _number(result["differences"]["missing_layers"]))
     return ["## Goals", "",
-            "Relative RMSE of the irradiance from what the image shows to R3_shown, and with what the camera sees between",
-            "pixels (`--unseen-from view`) to R3_visible, to be below 0.12; error of the",
+            "Relative RMSE of the irradiance from what the image shows to R3_shown, and with what the camera sees",
+            "between pixels (`--unseen-from view`) to R3_visible, to be below 0.12; error of the",
             "image, [unseen light](method/unseen.md) included, over that of direct light alone (at most 0.33) and over",
             "that with the best constant ambient light (0.5); the image's error at equal time beside the best simpler",
             "method's. The last column is what no method can know that looks at one layer of the screen.", "",
-            *_table(("scene", "R3_shown", "R3_visible", "over direct light", "over constant", "at equal time", "R3_visible to R3"),
-                    [row(scene, result) for scene, result in found])]
+            *_table(("scene", "R3_shown", "R3_visible", "over direct light", "over constant", "at equal time",
+                     "R3_visible to R3"), [row(scene, result) for scene, result in found])]
 
 
 def _irradiance(found: list[tuple[str, dict]]) -> list[str]:

@@ -177,7 +177,9 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             for (int r = 0; r < DRAWS; ++r) {
                 int kind = r % KINDS;
                 Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, random);
-                if (kind == SEEN_NEAR) missing_near = plus(missing_near, found);
+                // What is near is not denoised, seen or hidden by horizons: a ledge lights what is above it, not what is below
+                bool is_near = near_field == 1 && distance(drawn[r].place, center) < near_end;
+                if (kind == SEEN_NEAR || is_near) missing_near = plus(missing_near, found);
                 else missing = plus(missing, found);
                 drawn[r] = NOTHING_DRAWN;
             }
