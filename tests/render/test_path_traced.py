@@ -324,20 +324,23 @@ def test_our_own_material_in_the_path_tracer(kind):
     assert median < 0.01
 
 
-def test_what_senders_mirror_counts_apart():
-    """A glossy wall throws a highlight onto the floor: its Lambertian part alone sends what a Lambertian wall does."""
+@pytest.mark.parametrize("lamps", [1, 2])
+def test_what_senders_mirror_counts_apart(lamps):
+    """A glossy wall throws a highlight onto the floor: its Lambertian part alone sends what a Lambertian wall does. So
+    too beside a lamp that is behind the wall, of which each part may draw either."""
     wall = scenes.rectangle((-1, 0, -1), (2, 0, 0), (0, 1, 0), 1)
     # A lamp before the wall, whose mirror image the floor sees
-    lamp = Light("point", intensity=6.0, position=(0.0, 0.5, -0.2))
+    lights = tuple(Light("point", intensity=6.0, position=(0.0, 0.5, z)) for z in (-0.2, -1.8)[:lamps])
     points, normals = np.array([(0, 1e-3, -0.5), (0.3, 1e-3, 0.5)]), np.tile(UP, (2, 1))
     glossy = Material(base_color=(0.6, 0.3, 0.2, 1.0), metallic=0.5, roughness=0.4)
     plain = Material(base_color=(0.3, 0.15, 0.1, 1.0), specular=0.0)
     everything, diffuse, visible, mirrored = irradiance(
-        scenes.scene((FLOOR, wall), (BLACK, glossy), (lamp,)), points, normals, rays=900,
+        scenes.scene((FLOOR, wall), (BLACK, glossy), lights), points, normals, rays=900,
         parts=("all", "diffuse", "visible", "visible_mirrored"))
-    expected, = irradiance(scenes.scene((FLOOR, wall), (BLACK, plain), (lamp,)), points, normals, rays=900,
+    expected, = irradiance(scenes.scene((FLOOR, wall), (BLACK, plain), lights), points, normals, rays=900,
                            parts=("all",))
-    assert diffuse == pytest.approx(expected, rel=1e-4)     # the same rays
+    # The same rays; of two lamps each path draws one
+    assert diffuse == pytest.approx(expected, rel=1e-4 if lamps == 1 else 0.25)
     assert (everything > 1.2 * diffuse).all()
     # The camera looks at all of the wall
     assert visible == pytest.approx(diffuse, rel=1e-4)
