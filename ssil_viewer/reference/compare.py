@@ -339,7 +339,7 @@ class _Comparing:
                   for name, key in (("R3", "all"), ("R3_diffuse", "diffuse"), ("R3_visible", "visible"),
                                     ("R3_visible_mirrored", "visible_mirrored"), ("R3_shown", "shown"))}
         self._done.result["reference_noise"] = {
-            name: metrics.noise_of_halves(*pair) for name, pair in halves.items() if name in ("R3", "R3_visible", "R3_shown")}
+            name: metrics.noise_of_halves(*halves[name]) for name in ("R3", "R3_visible", "R3_shown")}
         self._done.result["path_rays"] = int(found["rays"])
         return {name: pair.mean(0) for name, pair in halves.items()}
 

@@ -89,8 +89,8 @@ def test_the_path_tracer_tells_what_falls_between_pixels_apart(make_renderer, va
     scene = scenes.scene((WALL, LEDGE, BOARD), (PLAIN, GLOWING))
     image = shown_by(make_renderer(scene, SIZE, bounces=0), TURNED)
     points = np.array([(0.1, 0.1, 1e-3), (0.4, 0.3, 1e-3)])
-    task = IrradianceTask("irradiance", points, np.tile(OUT, (2, 1)), np.full(2, 1e-4), view_from_world(TURNED), TANGENTS,
-                          4900, 4900, 100.0, shown=image)
+    task = IrradianceTask("irradiance", points, np.tile(OUT, (2, 1)), np.full(2, 1e-4), view_from_world(TURNED),
+                          TANGENTS, 4900, 4900, 100.0, shown=image)
     found = path_trace(describe(scene), [task], variant=variant)["irradiance"]
     everything, visible, mirrored, seen = (found[name].mean(0)[:, 0] for name in (
         "all", "visible", "visible_mirrored", "shown"))
