@@ -41,8 +41,8 @@ def check_settings(settings: Settings) -> None:
 
 def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settings: Settings,
                 camera: Camera | None = None, frames: int = 16, timed_frames: int | None = None,
-                simpler_at_equal_time: bool = False, progress: Progress = lambda what, share: None,
-                context: moderngl.Context | None = None) -> None:
+                simpler_at_equal_time: bool = False, visibilities: Sequence[str] = VISIBILITIES,
+                progress: Progress = lambda what, share: None, context: moderngl.Context | None = None) -> None:
     """Compare simpler methods and our visibility modes with the references of a comparison of the same view.
 
     The result gets a key `methods`, and the pictures each method's image, by its name; see docs/compare.md. The time to
@@ -53,6 +53,7 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
         frames: Frames rendered before the result is taken.
         timed_frames: Frames of each time that count; None takes those of `tune`.
         simpler_at_equal_time: Bring simpler methods alone to the time to meet, and leave our other modes as they are.
+        visibilities: Of our modes, the settings' own among them.
 
     Raises:
         UserError: No OpenGL, not one bounce, or not enough memory.
@@ -62,7 +63,7 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
     context = context or create_headless_context()
     try:
         _ComparingAll(context, scene, done, size, settings, camera or default_camera(scene), frames, timed_frames,
-                      simpler_at_equal_time, progress).run()
+                      simpler_at_equal_time, visibilities, progress).run()
     finally:
         if own:
             context.release()
@@ -73,11 +74,11 @@ class _ComparingAll:
 
     def __init__(self, context: moderngl.Context, scene: Scene, done: Comparison, size: tuple[int, int],
                  settings: Settings, camera: Camera, frames: int, timed_frames: int | None,
-                 simpler_at_equal_time: bool, progress: Progress) -> None:
+                 simpler_at_equal_time: bool, visibilities: Sequence[str], progress: Progress) -> None:
         self._context, self._scene, self._done, self._size = context, scene, done, size
         self._settings, self._camera, self._frames, self._progress = settings, camera, frames, progress
         self._timed_frames = timed_frames
-        self._simpler_at_equal_time = simpler_at_equal_time
+        self._simpler_at_equal_time, self._visibilities = simpler_at_equal_time, visibilities
         self._target_name = f"ssil_{settings.visibility}"
         self._target_ms = self._target_ms_after = 0.0
         self._picture: metrics.TruePicture | None = None
@@ -91,7 +92,7 @@ class _ComparingAll:
                 return
             where = describe(renderer)
             self._timed_frames = self._timed_frames or FRAMES[renderer.timers.source]
-            methods = our_methods(self._settings, self._size)
+            methods = our_methods(self._settings, self._size, self._visibilities)
             target = next(m for m in methods if m.name == self._target_name)
             for method in (target, *(m for m in methods if m is not target)):
                 self._compare(renderer, method, self._our_light)

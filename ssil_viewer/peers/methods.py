@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Callable, Mapping
+from typing import Callable, Mapping, Sequence
 
 from ssil_viewer.frame_uniforms import REFERENCE_HEIGHT
 from ssil_viewer.gpu.timers import PassTime
@@ -77,7 +77,7 @@ class Method:
         return total_ms(group_times(passes, quantile))
 
 
-def our_methods(settings: Settings, size: tuple[int, int]) -> list[Method]:
+def our_methods(settings: Settings, size: tuple[int, int], visibilities: Sequence[str] = VISIBILITIES) -> list[Method]:
     """All that the viewer's own frame can do: direct light alone, our modes, and the gather of a single level."""
     base = dataclasses.replace(settings, bounces=1, feedback=False)
     found = [Method("direct_only", "direct light", dataclasses.replace(base, bounces=0), fixed=True)]
@@ -88,7 +88,7 @@ def our_methods(settings: Settings, size: tuple[int, int]) -> list[Method]:
     if base != screen:
         found.append(Method("ssil_seen", f"SSIL, {base.visibility}, seen light only", screen))
     return found + [Method(f"ssil_{visibility}", f"SSIL, {visibility}",
-                           dataclasses.replace(base, visibility=visibility)) for visibility in VISIBILITIES]
+                           dataclasses.replace(base, visibility=visibility)) for visibility in visibilities]
 
 
 def single_level(settings: Settings, size: tuple[int, int]) -> Settings:
