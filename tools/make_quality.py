@@ -12,7 +12,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
+from typing import Callable
 
 import numpy as np
 from PIL import Image
@@ -38,7 +40,7 @@ PRESET = "quality"          # with 256 samples and --visibility horizon
 SIZE, FRAMES = (1280, 720), 16     # what `render` and `compare` take
 SERIES = "cornell"
 SERIES_SIZE = 640, 360
-# So many rays that R3_visible has little noise of its own: of 144 too few bring anything in Sponza, and left 8 % of it
+# As many rays as fit the time, for little noise in R3_visible: of 144 too few bring anything in Sponza, and left 8 %
 EFFORT = Effort(path_rays=2592, seconds=200.0)
 # Voxels take ten seconds a frame on two cores
 VISIBILITIES = "off", "horizon"
@@ -68,14 +70,15 @@ def _remembering():
     return trace
 
 
-def measure(name: str, source: str, data: dict) -> Image.Image:
-    """A scene under the preset, and the other methods beside it, into `data`; its picture."""
+def measure(name: str, source: str, data: dict) -> Callable[[], Image.Image] | None:
+    """A scene under the preset, and the other methods beside it, into `data`; what makes its picture, with R3."""
     scene, trace = load_scene(source), _remembering()
     camera = default_camera(scene)
     data["variant"] = working_variant()
     settings = load_preset(PRESET)
     view = dict(size=SIZE, settings=settings, camera=camera, frames=FRAMES, progress=_say(name))
     done = compare(scene, effort=EFFORT, trace=trace, **view)
+    images = dict(done.pictures)      # those of the methods get the same names
     compare_all(scene, done, timed_frames=3, simpler_at_equal_time=True, visibilities=VISIBILITIES, **view)
     done.result["scene"] = name
     data["comparisons"][name] = done.result
@@ -85,7 +88,7 @@ def measure(name: str, source: str, data: dict) -> Image.Image:
             frames=FRAMES, spp=64, seconds=60.0, progress=_say(f"{name} bounces"))
         for warning in warnings:
             print(warning, file=sys.stderr)
-    return _picture(scene, camera, settings, done.pictures)
+    return (lambda: _picture(scene, camera, settings, images)) if "R3" in images else None
 
 
 def _picture(scene: Scene, camera: Camera, settings: Settings, images: dict[str, np.ndarray]) -> Image.Image:
@@ -149,11 +152,14 @@ def write_page(data: dict) -> None:
              f"{found[0][1]['block']}x{found[0][1]['block']} pixels.",
              "What the references are and what their differences show: [compare.md](compare.md). `sponza` is Crytek",
              "Sponza, which is not part of the program.", ""]
-    older = sorted(name for name, result in found
-                   if result["frames"] != FRAMES or "R3_shown" not in result["irradiance"])
+    now = asdict(load_preset(PRESET))
+    older = [f"{name} ({result['frames']} frames, {result['settings'].get('visibility_rays', 0)} pairs of rays, "
+             f"{result['settings']['levels']} levels)" for name, result in found
+             if result["frames"] != FRAMES or result["settings"] != now or "R3_shown" not in result["irradiance"]]
     if older:
-        lines += ["Measured earlier, before R3_shown was told from R3_visible, not anew since: "
-                  f"{', '.join(older)}.", ""]
+        lines += ["Measured before preset and references were what they are, not anew since, so that R3_visible there",
+                  "is compared with ours without unseen light, and R2 to R3_shown is R2 to R3_visible: "
+                  f"{'; '.join(older)}.", ""]
     for part in (_goals, _irradiance, _differences, _images, _methods):
         lines += part(found)
     if data.get("series"):
@@ -161,7 +167,8 @@ def write_page(data: dict) -> None:
     notes = sorted({(scene, warning.removeprefix("approximated in R3: "))
                     for scene, result in found for warning in result["warnings"]})
     lines += ["## What R3 approximates", "", *(f"- {scene}: {note}" for scene, note in notes), ""]
-    seconds = ", ".join(f"{scene} {result['seconds']['R3']:.0f} s" for scene, result in found)
+    seconds = ", ".join(f"{scene} {result['seconds']['R3']:.0f} s for {result['path_rays']} rays a pixel"
+                        for scene, result in found)
     lines += [f"Mitsuba's variant was {data['variant']}, on two shared cores; R3 took {seconds}."]
     PAGE.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
@@ -182,9 +189,9 @@ def _goals(found: list[tuple[str, dict]]) -> list[str]:
             "between pixels (`--unseen-from view`) to R3_visible, to be below 0.12; error of the",
             "image, [unseen light](method/unseen.md) included, over that of direct light alone (at most 0.33) and over",
             "that with the best constant ambient light (0.5); the image's error at equal time beside the best simpler",
-            "method's. The last column is what no method can know that looks at one layer of the screen.", "",
+            "method's. The last column is what lies off screen or behind what the camera sees.", "",
             *_table(("scene", "R3_shown", "R3_visible", "over direct light", "over constant", "at equal time",
-                     "R3_visible to R3"), [row(scene, result) for scene, result in found])]
+                     "R3_visible to R3_diffuse"), [row(scene, result) for scene, result in found])]
 
 
 def _irradiance(found: list[tuple[str, dict]]) -> list[str]:
@@ -272,7 +279,8 @@ def main() -> None:
         name, _, file = given.partition("=")
         picture = measure(name, file or f"builtin:{name}", data)
         DATA.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        picture.save(PICTURES / f"quality-{name}.jpg", quality=85)
+        if picture is not None:
+            picture().save(PICTURES / f"quality-{name}.jpg", quality=85)
     write_page(data)
 
 

@@ -179,7 +179,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
                 Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, random);
                 // What is near is not denoised, seen or hidden by horizons: a ledge lights what is above it, not what is below
                 bool is_near = near_field == 1 && distance(drawn[r].place, center) < near_end;
-                if (kind == SEEN_NEAR || is_near) missing_near = plus(missing_near, found);
+                if (kind == SEEN_NEAR || kind == HIDDEN && is_near) missing_near = plus(missing_near, found);
                 else missing = plus(missing, found);
                 drawn[r] = NOTHING_DRAWN;
             }

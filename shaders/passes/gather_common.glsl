@@ -45,7 +45,6 @@ Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
     return Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
 }
 
-
 // False where there is nothing to look at: off screen, the receiver itself. It is asked before looking, and afterwards whether
 // anything was seen: CPUs would copy under a mask all that a function with several returns finds.
 bool may_see(Receiver receiver, ivec2 at) { return is_on_screen(at, size_surface()) && at != receiver.px; }

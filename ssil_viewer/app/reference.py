@@ -34,7 +34,7 @@ _NUMBERS_INTERVAL = 1.0  # s; reading back waits for the GPU
 _WITHOUT_EFFECT = (
     "samples", "radius", "sample_spacing", "visibility", "thickness", "voxel_fill", "voxel_slices", "voxel_view_slice",
     "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "show", "exposure",
-    "tone_map", "seed")
+    "tone_map", "seed", "unseen_from")
 """Settings that change our own light or its display, but neither what is seen nor what it sends."""
 
 

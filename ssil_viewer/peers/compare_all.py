@@ -57,8 +57,11 @@ def compare_all(scene: Scene, done: Comparison, *, size: tuple[int, int], settin
 
     Raises:
         UserError: No OpenGL, not one bounce, or not enough memory.
+        ValueError: The settings' own visibility is not among `visibilities`.
     """
     check_settings(settings)
+    if settings.visibility not in visibilities:
+        raise ValueError(f"{settings.visibility!r}, the settings' own, is not among {visibilities}")
     own = context is None
     context = context or create_headless_context()
     try:

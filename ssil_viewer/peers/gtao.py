@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Callable, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes import Composite, Direct, GBuffer, Mipmap, Shadows, Sky, SkyFilter, Temporal
+from ssil_viewer.passes import Composite, Direct, GBuffer, Mipmap, ShadowRays, Shadows, Sky, SkyFilter, Temporal
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
@@ -86,8 +86,8 @@ class SkyMipmap(Mipmap):
 
 def occlusion_frame(occlusion: GroundTruthOcclusion) -> tuple[Callable[[], Pass], ...]:
     """The passes of a frame in which `irradiance` is that of an ambient light of 1, occluded."""
-    return (Shadows, GBuffer, SkyMipmap, Sky, SkyFilter, Direct, lambda: occlusion, OcclusionFilter, Temporal,
-            Composite)
+    return (Shadows, GBuffer, SkyMipmap, Sky, SkyFilter, ShadowRays, Direct, lambda: occlusion, OcclusionFilter,
+            Temporal, Composite)
 
 
 def occlusion_settings(settings: Settings) -> Settings:

@@ -178,13 +178,15 @@ class _Comparing:
             found = self._sums(renderer, receivers)
             if one_bounce != shown_light:
                 renderer.release()
-                if "R3" in self._effort.references:
+                if "R3" in self._effort.references and one_bounce.unseen_from != "view":
                     renderer = self._rendered(dataclasses.replace(one_bounce, unseen_from="view"),
                                               "rendering with what is between pixels")
                     visible = renderer.read("indirect")
                     renderer.release()
                 renderer = self._rendered(one_bounce, "rendering with unseen light")
                 ours = renderer.read("indirect")
+                if one_bounce.unseen_from == "view":
+                    visible = ours
             self._ours = ours[self._rows, self._columns].mean((1, 2))
             if self._settings != one_bounce:
                 renderer.release()

@@ -11,13 +11,15 @@ import pytest
 
 from ssil_viewer import cli
 from ssil_viewer.reference import metrics, path_traced
-from ssil_viewer.reference.compare import BLOCK, Effort, compare
+from ssil_viewer.reference.compare import BLOCK, Blocks, Effort, compare
 from ssil_viewer.reference.mitsuba_export import camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask
 from ssil_viewer.reference.path_traced import ReferenceFailure
 from ssil_viewer.scene.model import Material
 from ssil_viewer.settings import Settings
 from tests import scenes
+from tests.render import test_shown
+from tests.render.test_closed_forms import GLOWING
 
 SIZE = 160, 90
 SETTINGS = Settings(samples=32, start_level=1, levels=3, visibility="off")
@@ -232,3 +234,37 @@ def test_an_image_is_shown_as_the_renderer_shows_its_own(make_renderer):
         from ssil_viewer.headless import read_display
         difference = renderer.displayed(renderer.read("final")).astype(int) - read_display(renderer)
         assert np.abs(difference).max() <= 1
+
+
+def test_each_reference_is_compared_with_the_light_that_it_knows():
+    """R1, R2 and R3_shown with what the image shows, R3_visible with what the camera sees, R3 with all."""
+    at = np.arange(8)[None, :, None] + np.zeros((1, 8, 8), int)
+    blocks = Blocks(at, at.swapaxes(1, 2), {name: np.ones((1, 3)) for name in ("R1", "R2", "R3_shown", "R3_visible",
+                                                                               "R3", "R3_diffuse")})
+    everything, shown, visible = (np.full((8, 8, 3), value) for value in (4.0, 2.0, 3.0))
+
+    def biases(*images):
+        return {name: found["bias"] for name, found in blocks.agreement(*images).items()}
+
+    assert biases(everything, shown, visible) == {"R1": 1, "R2": 1, "R3_shown": 1, "R3_visible": 2, "R3": 3}
+    assert biases(everything, shown) == {"R1": 1, "R2": 1, "R3_shown": 1, "R3": 3}
+    assert biases(everything) == dict.fromkeys(("R1", "R2", "R3_shown", "R3_visible", "R3"), 3)
+
+
+def test_light_between_pixels_is_that_of_visible_senders(context):
+    """A ledge that no pixel has and a lamp behind the camera: each reference with more of ours than the one before."""
+    lamp = scenes.rectangle((0.5, 0.2, 5), (-1, 0, 0), (0, 1, 0), 1)
+    scene = scenes.scene((test_shown.WALL, test_shown.LEDGE, lamp), (Material(specular=0.0), GLOWING))
+    trace, _ = fake_trace(1.0)
+    settings = replace(SETTINGS, start_level=1, unseen_samples=8, temporal_frames=64)
+    done = compare(scene, size=test_shown.SIZE, settings=settings, camera=test_shown.CAMERA, frames=4, context=context,
+                   effort=replace(EFFORT, references=("R3",), blocks=40), trace=trace)
+    # Of 1 in R3, 0.6 is visible and 0.5 shown in the fake
+    ours = {name: (done.result["irradiance"][name]["bias"] + 1) * of
+            for name, of in (("R3_shown", 0.5), ("R3_visible", 0.6), ("R3", 1.0))}
+    assert ours["R3_shown"] == pytest.approx(0, abs=1e-6)
+    assert 0.01 < ours["R3_visible"] < 0.9 * ours["R3"]
+    only_view = compare(scene, size=test_shown.SIZE, settings=replace(settings, unseen_from="view"), frames=4,
+                        camera=test_shown.CAMERA, context=context, trace=trace,
+                        effort=replace(EFFORT, references=("R3",), blocks=40))
+    assert only_view.result["irradiance"]["R3"]["bias"] + 1 == pytest.approx(ours["R3_visible"], rel=1e-6)

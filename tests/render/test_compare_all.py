@@ -11,6 +11,7 @@ import pytest
 from ssil_viewer import cli
 from ssil_viewer.errors import UserError
 from ssil_viewer.headless import render_frames
+from ssil_viewer.passes import FRAME
 from ssil_viewer.peers.compare_all import compare_all
 from ssil_viewer.peers.gtao import OWN, GroundTruthOcclusion, Occlusion, occlusion_frame, occlusion_settings
 from ssil_viewer.peers.methods import RADII, nearest_work, occlusion_method, our_methods, single_level
@@ -232,3 +233,24 @@ def test_nothing_is_tried_where_times_are_equal_already():
     def measure(work):
         raise AssertionError("10 ms is near enough to 10.2")
     assert nearest_work(measure, 10.2, 20, 10.0, 100) == 20
+
+
+def test_ambient_light_has_the_same_direct_light(context):
+    """Shadows by rays, too."""
+    found = []
+    for passes in (FRAME, occlusion_frame(GroundTruthOcclusion())):
+        settings = replace(SETTINGS, shadow_rays=True, shadow_resolution=128)
+        renderer = Renderer(context, SIZE, occlusion_settings(settings), keep=("final",), passes=passes)
+        renderer.set_scene(scenes.cornell())
+        renderer.render(scenes.CORNELL_CAMERA)
+        found.append(renderer.read("direct"))
+        renderer.release()
+    assert np.array_equal(*found)
+
+
+def test_other_modes_can_be_left_out(context):
+    methods = [method.name for method in our_methods(SETTINGS, SIZE, ("off", "horizon"))]
+    assert methods == ["direct_only", "single_level_off", "single_level_horizon", "ssil_off", "ssil_horizon"]
+    with pytest.raises(ValueError, match="horizon"):
+        compare_all(scenes.cornell(), Comparison({}), size=SIZE, settings=SETTINGS, context=context,
+                    visibilities=("off",))

@@ -15,6 +15,7 @@ from ssil_viewer.reference.occluders import Occluders
 from ssil_viewer.reference.visible_pixels import sums
 from ssil_viewer.scene.model import Camera, Light, Material
 from tests import scenes
+from tests.render.test_closed_forms import GLOWING
 
 WHITE = Material(base_color=(0.7, 0.7, 0.7, 1.0), specular=0.0)
 # A disc and a ring that reach across the image
@@ -140,3 +141,26 @@ def test_a_scene_without_triangles(make_renderer):
     renderer = make_renderer(scenes.scene((), ()), (16, 16), **QUICK, visibility_rays=4)
     renderer.render(Camera())
     assert not renderer.read("indirect").any()
+
+
+def test_near_light_that_horizons_hide_stays_where_it_is(make_renderer):
+    """A shining ledge between a wall and a front, which horizons hide from the wall if things are taken for thick: its
+    light is near light, which is not denoised, and so not lost from the wall to the front below."""
+    wall = scenes.rectangle((-2, -1, 0), (4, 0, 0), (0, 2, 0))
+    front = scenes.rectangle((-2, -1, 0.06), (4, 0, 0), (0, 1, 0))
+    ledge = scenes.rectangle((-2, 0, 0.06), (4, 0, 0), (0, 0, -0.06), 1)
+    scene = scenes.scene((wall, front, ledge), (Material(specular=0.0), GLOWING))
+    camera = Camera(eye=(0, 0.25, 2.5), target=(0, 0, 0), vertical_fov=0.5)
+    renderer = make_renderer(scene, (160, 120), **FINE, thickness=1.0, visibility_rays=8, temporal_frames=64)
+    render_frames(renderer, camera, 8)
+    surfaces = read_surfaces(renderer, camera)
+    world = surfaces.position @ _world_from_view(camera)[:3, :3].T + _world_from_view(camera)[:3, 3]
+    inner = np.abs(world[..., 0]) < 0.5
+    lit = inner & (world[..., 1] > 0.01) & (world[..., 1] < 0.06)
+    dark = inner & (world[..., 1] < -0.02) & (world[..., 1] > -0.1)
+    assert lit.sum() > 50 and dark.sum() > 50
+    light = mean(renderer)
+    rows, columns = np.nonzero(lit)
+    truth = visible_sum(renderer, camera, scene, rows, columns)
+    assert light[lit].mean() == pytest.approx(truth.mean(), rel=0.13)     # 0.84 where it was denoised
+    assert light[dark].mean() < 0.02 * light[lit].mean()
