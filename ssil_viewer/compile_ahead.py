@@ -179,10 +179,11 @@ class Ahead:
                 if isinstance(p, ScreenPass) and p.runs(runner.settings, runner.features):
                     if p.requires >= RAYS and frame.rays is None:
                         continue    # it needs the scene's triangles
-                    for dispatch in p.dispatches(frame):
-                        if self.stop.is_set() or until():
-                            return
-                        frame.dispatch(p, dispatch)
+                    for frame.still in (False, True):   # soon nothing moves
+                        for dispatch in p.dispatches(frame):
+                            if self.stop.is_set() or until():
+                                return
+                            frame.dispatch(p, dispatch)
 
 
 def _frame(runner: PassRunner, lights: LightTable, drawer: SceneDrawer, has_occlusion_maps: bool = False,

@@ -16,10 +16,11 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.frame import Frame
 from ssil_viewer.frame_uniforms import view_from_matrices
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.gpu.timers import Timings
-from ssil_viewer.pass_runner import Frame, PassRunner
+from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import Gather, ImportGBuffer, Mipmap, MipmapRadiance, Pass, ScreenPass, Temporal, Upsample
 from ssil_viewer.settings import Settings
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Callable, Iterable, Iterator, Literal, Sequence
 
 import moderngl
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.frame import Frame
 from ssil_viewer.frame_check import FrameError, check_frame
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import View, make_frame, radius_texels, same_view
@@ -19,7 +19,6 @@ from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.gpu.memory import require_memory
 from ssil_viewer.gpu.screen_program import ANY_USE, SAMPLING, ScreenProgram, Stage, Variant
 from ssil_viewer.gpu.targets import (
-    FORMATS,
     Target,
     TargetSet,
     guard_band,
@@ -37,71 +36,6 @@ SETTLING_FRAMES = 8
 # Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often,
 # a millionth of the old light is left in it
 RESTLESS_FRAMES = 20
-
-
-@dataclass
-class Frame:
-    """What a pass sees of the frame that it works on. Sequences with other inputs than targets extend it.
-
-    Attributes:
-        radius: Of disc and rings in texels of each level.
-        tables: Textures that are not targets, by GLSL name.
-        rays, rays_are_stale: As of `SceneFrame`; where there is no scene, there are none.
-        has_occlusion_maps: The target `albedo` is there and its alpha darkens indirect light somewhere.
-        bounce: Which one the passes that work per bounce are at, from 1 on.
-    """
-
-    runner: PassRunner
-    settings: Settings
-    radius: float
-    tables: dict[str, moderngl.Texture] = field(default_factory=dict)
-    has_occlusion_maps: bool = False
-    bounce: int = 1
-    rays = None
-    rays_are_stale = False
-
-    @property
-    def context(self) -> moderngl.Context:
-        """The context that is drawn with."""
-        return self.runner.context
-
-    @property
-    def band(self) -> tuple[int, int]:
-        """Pixels of the guard band at the left and at the bottom."""
-        return self.runner.band
-
-    @property
-    def gpu_compute(self) -> bool:
-        """Screen passes are compute shaders on a GPU, where threads may share work."""
-        return self.runner.gpu_compute
-
-    def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch) -> None:
-        """Run a screen pass's shader once."""
-        self.runner.dispatch(screen_pass, dispatch, self.tables)
-
-    def has_feature(self, name: str) -> bool:
-        """Whether the scene has something that not every scene has, such as "environment"."""
-        return name in self.runner.features
-
-    def has_target(self, name: str, level: int = 0) -> bool:
-        """Whether a target is allocated under these settings."""
-        return self.runner.targets.has(name, level)
-
-    def attachments(self, owner: Pass, level: int = 0) -> tuple[tuple[str, str], ...]:
-        """(name, format) of the targets of a pass that exist at a level, in their order."""
-        return tuple((name, target.format) for name, target in owner.writes.items() if self.has_target(name, level))
-
-    def framebuffer(self, owner: Pass, depth: bool, level: int = 0) -> moderngl.Framebuffer:
-        """Framebuffer with the pass's `attachments`, for rasterizing passes."""
-        targets = self.runner.targets
-        made = targets.framebuffer([targets.texture(name, level) for name, _ in self.attachments(owner, level)], depth)
-        self.runner.count_bytes([*made.color_attachments, *([made.depth_attachment] if depth else [])])
-        return made
-
-    def clear(self, owner: Pass, depth: bool, level: int = 0) -> None:
-        """Set all of the pass's bound `framebuffer` to zero, and its depth to the farthest."""
-        formats = (FORMATS[form] for _, form in self.attachments(owner, level))
-        self.runner.gl.clear([form.dtype.startswith("u") for form in formats], depth)
 
 
 def _timed_name(p: Pass, bounce: int) -> str:
@@ -161,6 +95,9 @@ class PassRunner:
         self._bound: dict[int, int] = {}
         self._traffic: dict[str, int] | None = None
         self._running = ""
+        self._running_targets: frozenset[str] = frozenset()
+        self._running_under: Settings | None = None     # for which settings and declared targets it is so
+        self._running_with: dict[str, Target] | None = None
 
     def _declare(self) -> dict[str, Target]:
         """Targets of the passes whose features are there, without the optional ones that nobody asked for."""
@@ -270,7 +207,7 @@ class PassRunner:
         moved = history and (moving or not watched or not same_view(view, self._previous))
         self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
         moving = moving or self._settling > 0
-        still = history and not moving and self._restless == 0
+        still = frame.still = history and not moving and self._restless == 0
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
                                          light_count, background, history, moving, still))
         for p, frame.bounce in self._schedule():
@@ -334,10 +271,15 @@ class PassRunner:
         """Radius of disc and rings in texels of each level."""
         return radius_texels(self.settings, self.size)
 
-    def running_targets(self) -> set[str]:
+    def running_targets(self) -> frozenset[str]:
         """Declared targets of the passes that run under the current settings."""
-        return {name for p in self.passes if p.runs(self.settings, self.features)
-                for name in p.writes if name in self.declared and self.declared[name].exists(self.settings)}
+        # It is asked for every run of a shader, and Python is slow
+        if self._running_under is not self.settings or self._running_with is not self.declared:
+            self._running_targets = frozenset(
+                name for p in self.passes if p.runs(self.settings, self.features)
+                for name in p.writes if name in self.declared and self.declared[name].exists(self.settings))
+            self._running_under, self._running_with = self.settings, self.declared
+        return self._running_targets
 
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
@@ -377,7 +319,7 @@ class PassRunner:
         return variant, inputs, outputs
 
     @staticmethod
-    def _resolve(read: Read, running: set[str]) -> str:
+    def _resolve(read: Read, running: frozenset[str]) -> str:
         for name in read.targets:
             if name.removesuffix("@previous") in running:
                 return name

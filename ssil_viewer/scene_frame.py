@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ssil_viewer.frame import Frame
 from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.scene_rays import SceneRays
-from ssil_viewer.pass_runner import Frame
 
 
 @dataclass(kw_only=True)

@@ -128,6 +128,12 @@ vec3 finite_half(vec3 c) {
                 c.b > 0.0 ? min(c.b, LARGEST) : 0.0);
 }
 
+// Four numbers from 0 to 1 as the bytes of GL_RGBA8.
+uint encode_rgba8(vec4 value) {
+    uvec4 bytes = uvec4(ivec4(clamp(value, 0.0, 1.0) * 255.0 + 0.5));
+    return bytes.r | bytes.g << 8 | bytes.b << 16 | bytes.a << 24;
+}
+
 // Reflectance in 8 bits: the square root spends the codes where the eye needs them, and 0.0019 is not 0.
 vec4 encode_reflectance(vec4 value) { return vec4(sqrt(clamp(value.rgb, 0.0, 1.0)), value.a); }
 vec4 decode_reflectance(vec4 value) { return vec4(value.rgb * value.rgb, value.a); }

@@ -1,14 +1,26 @@
 // Where a surface was in the last frame (Nehab et al. 2007). For passes that read `motion` and `previous_surface`, the
-// surfaces of the last frame; what they look up there are three texels with weights.
+// surfaces of the last frame; what they look up there are three texels with weights. STILL: nothing has moved, and the
+// texel itself is all; neither of the two is read.
 #include "lib/taps.glsl"
 
+#ifdef STILL
+const int TAPS = 1;
+#else
+const int TAPS = 3;
+#endif
+
 struct Previous {
-    ivec2 at[3];
+    ivec2 at[TAPS];
     vec3 weights;       // 0 for those that showed another surface
     vec3 facing;        // cosines between the normals
     vec2 moved;         // pixels by which the surface has moved in the image since then
 };
 
+#ifdef STILL
+Previous find_previous(ivec2 px, Surface surface) {
+    return Previous(ivec2[](px), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec2(0.0));
+}
+#else
 Previous find_previous(ivec2 px, Surface surface) {
     ivec2 last = size_surface() - 1;
     vec4 motion = load_motion(px);
@@ -32,6 +44,7 @@ Previous find_previous(ivec2 px, Surface surface) {
     }
     return found;
 }
+#endif
 
 // Sum of the weights below which nothing was found.
 const float LEAST_FOUND = 0.01;
@@ -48,7 +61,7 @@ vec3 alike(Previous previous, float least) {
 bool find_history(Previous previous, out vec4 history) {
     vec3 weights = alike(previous, 0.8);
     vec4 sum = vec4(0.0);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < TAPS; ++i) {
         vec4 found = load_history(previous.at[i]);
         sum += weights[i] > 0.0 ? found * weights[i] : vec4(0.0);   // what is refused may be no number
     }

@@ -34,7 +34,7 @@ vec3 averaged_reflection(ivec2 px, Surface surface, Previous previous, float fra
     float total = weights.x + weights.y + weights.z;
     if (frames <= 1.0 || total < LEAST_FOUND) return now.radiance;
     vec3 history = vec3(0.0);
-    for (int i = 0; i < 3; ++i) history += load_reflection_history(previous.at[i]) * (weights[i] / total);
+    for (int i = 0; i < TAPS; ++i) history += load_reflection_history(previous.at[i]) * (weights[i] / total);
     // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
     float still = 1.0 - smoothstep(0.25, 1.0, length(previous.moved));
     float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));

@@ -32,6 +32,8 @@ ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_
 SAMPLING = moderngl.TEXTURE_FETCH_BARRIER_BIT
 """It is there for samplers alone, through which shaders for a GPU read: a NVIDIA H200 takes 2 microseconds less."""
 
+_R32UI = 0x8236     # GL_R32UI
+
 FULL_SCREEN_VERTEX = """#version 330 core
 void main() {
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
@@ -131,6 +133,21 @@ def _copied_uniforms(variant: Variant, block: type) -> list[str]:
             *(f"#define {name} copied_{name}" for name in ("frame", *(name for name, _ in loose)))]
 
 
+def _stored_format(format_name: str, software: bool) -> str:
+    """The format by which a compute shader stores texels of another: where OpenGL is software, bytes as one number."""
+    return "bits32" if software and format_name == "rgba8" else format_name
+
+
+def _stored_texel(format_name: str, value: str, software: bool) -> str:
+    """GLSL of the texel to store, in `_stored_format`, for a decoded value."""
+    form, bits = FORMATS[format_name], FORMATS[_stored_format(format_name, software)]
+    encoded = form.store.format(value) if bits is form else f"encode_rgba8({value})"
+    if not bits.image.startswith("u"):
+        return {1: f"vec4({encoded})", 2: f"vec4({encoded}, 0, 0)", 4: encoded}[bits.components]
+    encoded = {1: f"uvec4({encoded})", 2: f"uvec4({encoded}, 0, 0)", 4: encoded}[bits.components]
+    return f"max({encoded}, unknown_zero())" if software else encoded
+
+
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
     for_gpu = stage == "compute" and not software
     assert variant.parts == variant.levels == 1 or for_gpu and 1 in (variant.parts, variant.levels), variant
@@ -142,11 +159,9 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
         declarations, stores = [], []
         for at, (name, format_name, coarser) in enumerate(variant.level_writes()):
             form = FORMATS[format_name]
-            declarations += [_declare_image("writeonly", f"image_{name}", format_name, at)]
-            value = form.store.format("value" if coarser else "out_" + name)
-            kind = "uvec4" if form.image.startswith("u") else "vec4"
-            padded = {1: f"{kind}({value})", 2: f"{kind}({value}, 0, 0)", 4: value}[form.components]
-            store = f"imageStore(image_{name}, px, {padded});"
+            declarations.append(_declare_image("writeonly", f"image_{name}", _stored_format(format_name, software), at))
+            texel = _stored_texel(format_name, "value" if coarser else "out_" + name, software)
+            store = f"imageStore(image_{name}, px, {texel});"
             if coarser:
                 declarations.append(f"void store_{name}(ivec2 px, {form.glsl} value) {{ {store} }}")
             else:
@@ -176,8 +191,11 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
     body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
     if stage == "compute" and software:
         body += _copied_uniforms(variant, block)
+        # llvmpipe stores one pixel of a vector at a time, and LLVM would encode each by itself there. It does not move
+        # a maximum with what it cannot know
+        body += ["uniform ivec2 output_size;", "uvec4 unknown_zero() { return uvec4(uint(output_size.x >> 31)); }"]
         # Outside of the image nothing is stored (OpenGL 4.6, 8.26)
-        main = ["uniform ivec2 output_size;", "void main() {", "    read_uniforms();",
+        main = ["void main() {", "    read_uniforms();",
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    shade(min(px, output_size - 1));", *("    " + s for s in stores), "}"]
     source = expand(variant.shader, "\n".join(body))
@@ -236,6 +254,9 @@ class ScreenProgram:
                 self._units[name] = len(self._units)
                 self._program[f"texture_{name}"].value = self._units[name]
         self._writes = [name for name, _, _ in variant.level_writes()]
+        # Output -> format by which its image is bound, where that is not its own; both have as many bits
+        self._bound_as = {name: _R32UI for name, form, _ in variant.level_writes()
+                          if _stored_format(form, self._compute and software) == "bits32" != form}
         self._values: dict[str, object] = {}
 
     @property
@@ -268,7 +289,7 @@ class ScreenProgram:
                 self._values[name] = value
         if self._compute:
             for at, name in enumerate(self._writes):
-                outputs[name].bind_to_image(at, read=False, write=True)
+                outputs[name].bind_to_image(at, read=False, write=True, format=self._bound_as.get(name, 0))
             for name, at in self._images.items():
                 if name in inputs:      # a table that this variant does without
                     inputs[name].bind_to_image(at, read=True, write=False)

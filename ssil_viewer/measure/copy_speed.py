@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from ssil_viewer.frame import Frame
 from ssil_viewer.frame_uniforms import view_from_matrices
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.gpu.screen_program import Stage
 from ssil_viewer.gpu.targets import FORMATS, Target
 from ssil_viewer.gpu.timers import RING, WARM_UP_FRAMES, PassTime
-from ssil_viewer.pass_runner import Frame, PassRunner
+from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes.base import Read, ScreenPass
 from ssil_viewer.settings import Settings
 

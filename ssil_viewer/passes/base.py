@@ -14,7 +14,7 @@ from ssil_viewer.scene.model import Scene
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 @dataclass(frozen=True)

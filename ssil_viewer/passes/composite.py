@@ -9,7 +9,7 @@ from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 class Composite(ScreenPass):

@@ -10,7 +10,7 @@ from ssil_viewer.passes.voxelize import uses_voxels
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 class DepthRange(ScreenPass):

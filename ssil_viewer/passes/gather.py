@@ -19,7 +19,7 @@ from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 _STEP = 3.0         # texels at 720 lines from one sample of a row to the next: measured, see docs/method/horizon.md

@@ -12,7 +12,7 @@ from ssil_viewer.scene.model import Material, Scene
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 # From here on a dielectric's reflection fades (shaders/passes/gbuffer.frag.glsl), and materials count as diffuse
 _DIFFUSE_ROUGHNESS = 0.8

@@ -10,7 +10,7 @@ from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 def _is_needed(settings: Settings) -> bool:

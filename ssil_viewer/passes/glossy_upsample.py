@@ -11,7 +11,7 @@ from ssil_viewer.passes.upsample import PARTS
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 class GlossyUpsample(ScreenPass):

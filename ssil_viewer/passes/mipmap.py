@@ -11,7 +11,7 @@ from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 _LEVELS_AT_ONCE = 4     # a group of 8x8 threads ends with one texel

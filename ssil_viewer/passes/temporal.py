@@ -10,7 +10,7 @@ from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 def averages_reflections(settings: Settings) -> bool:
@@ -45,9 +45,13 @@ class Temporal(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         settings = frame.settings
+        defines, omit = [], set()
+        if frame.still and frame.software_form:
+            # What one place of the last frame tells need not be looked for. A GPU would spare next to nothing
+            defines.append(("STILL", ""))
+            omit |= {"motion", "previous_surface"}
         if averages_reflections(settings):
-            yield Dispatch(0, {"texel": float(2**settings.start_level)},
-                           (switch("UPSAMPLING", settings.upsampling, ("bilateral", "nearest")),))
+            defines.append(switch("UPSAMPLING", settings.upsampling, ("bilateral", "nearest")))
         else:
-            yield Dispatch(0, omit=frozenset({"specular", "start_surface", "glossy_light", "reflection_history",
-                                              "reflection"}))
+            omit |= {"specular", "start_surface", "glossy_light", "reflection_history", "reflection", "texel"}
+        yield Dispatch(0, {"texel": float(2**settings.start_level)}, tuple(defines), frozenset(omit))

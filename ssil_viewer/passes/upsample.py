@@ -10,7 +10,7 @@ from ssil_viewer.passes.reflect import MOST_BOUNCES, at_least, irradiance_of
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 
 PARTS = 5

@@ -11,7 +11,7 @@ from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from ssil_viewer.pass_runner import Frame
+    from ssil_viewer.frame import Frame
 
 OWN = ("gtao", "gtao_filter", "temporal", "composite")
 """The passes that ambient occlusion adds to a deferred renderer, and those that ours has, too."""

@@ -8,9 +8,9 @@ import moderngl
 import numpy as np
 
 from ssil_viewer.buffers import BUFFERS
+from ssil_viewer.frame import Frame
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import Target, TargetSet
-from ssil_viewer.pass_runner import Frame
 from ssil_viewer.passes import Composite
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference.gpu_sums import ProgressiveReference

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.frame import Frame
 from ssil_viewer.headless import render_frames
 from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
@@ -140,6 +141,28 @@ def test_what_moves_makes_it_restless_for_a_while(make_renderer):
         assert (restless < 6).mean() > 0.2
         render_frames(renderer, camera, 12)
         assert (renderer.read("history_length")[seen] >= restless + 11).mean() > 0.98
+
+
+@pytest.mark.parametrize("glossy", [64, 0])
+def test_looking_nothing_up_where_nothing_moves_changes_nothing(make_renderer, monkeypatch, glossy):
+    """Software OpenGL has a form of the filter for that; the other one finds the same texels."""
+    room = scenes.cornell()
+    half_metal = replace(room, materials=tuple(replace(m, metallic=0.5, roughness=0.4) for m in room.materials))
+    frames = []
+    for short_cut in (True, False):
+        with monkeypatch.context() as patch:
+            if not short_cut:
+                patch.setattr(Frame, "software_form", False)
+            renderer = make_renderer(half_metal, SIZE, samples=8, glossy_samples=glossy)
+            renderer.render(CAMERA)
+            renderer.render(replace(CAMERA, eye=tuple(np.array(CAMERA.eye) + (0.05, 0.0, 0.0))))
+            render_frames(renderer, CAMERA, RESTLESS_FRAMES + 4)
+            used = {("STILL", "") in variant.defines for variant in renderer.runner._programs
+                    if variant.shader == "passes/temporal.glsl"}
+            assert used == ({True, False} if short_cut and renderer.capabilities.software else {False})
+            frames.append([renderer.read_stored(name) for name in ("irradiance", "display")])
+    for with_it, without in zip(*frames):
+        assert np.array_equal(with_it, without)
 
 
 def test_huge_light_does_not_stay(make_renderer, stage):

@@ -42,7 +42,8 @@ if sys.argv[3] == "ahead":
 else:
     renderer = Renderer(context, size, settings, keep=("final",))
     renderer.set_scene(scene)
-    renderer.render(default_camera(scene))
+    for _ in range(2):      # nothing has moved before the second
+        renderer.render(default_camera(scene))
 context.finish()
 """
 
