@@ -51,7 +51,8 @@ def test_rgb9e5_swallows_what_is_no_number(context):
 
 
 def test_bytes_are_the_nearest_and_stay_in_their_range(context):
-    values = np.array([(0, 1, 0.5, 127 / 255), (-1, 2, 1 / 255, 254.4 / 255), (np.inf, -np.inf, 0.001, 0.003)], np.float32)
+    values = np.array([(0, 1, 0.5, 127 / 255), (-1, 2, 1 / 255, 254.4 / 255), (np.inf, -np.inf, 0.001, 0.003)],
+                      np.float32)
     code = "uint n = encode_rgba8(a); result = vec4(n & 255u, (n >> 8) & 255u, (n >> 16) & 255u, n >> 24);"
     assert evaluate(context, PACKING, code, values).tolist() == [[0, 255, 128, 127], [0, 255, 1, 254], [255, 0, 0, 1]]
 
