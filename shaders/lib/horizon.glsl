@@ -6,6 +6,7 @@
 
 struct HalfPlane {
     vec3 to_camera;
+    float distance;         // of the receiver from the camera
     float inverse_span;     // of the angles above the receiver's surface, radians
 };
 
@@ -18,23 +19,35 @@ float fast_acos(float x) {
 
 // position, normal: of the receiver, view space. along: the row's direction in the image, view space.
 HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
-    vec3 to_camera = -position * inversesqrt(max(dot(position, position), 1e-30));
+    float squared = max(dot(position, position), 1e-30), inverse_distance = inversesqrt(squared);
+    vec3 to_camera = -position * inverse_distance;
     vec3 outward = along - to_camera * dot(along, to_camera);
     outward *= inversesqrt(max(dot(outward, outward), 1e-30));
     float up = dot(normal, to_camera), out_part = dot(normal, outward);
     float span = fast_acos(-out_part * inversesqrt(max(up * up + out_part * out_part, 1e-30)));
-    return HalfPlane(to_camera, 1.0 / max(span, 1e-3));
+    return HalfPlane(to_camera, squared * inverse_distance, 1.0 / max(span, 1e-3));
 }
 
-// 0: towards the camera, 1: along the receiver's surface, more: below it. inverse_length: of the offset.
-float elevation(HalfPlane half_plane, vec3 offset, float inverse_length) {
-    return fast_acos(dot(offset, half_plane.to_camera) * inverse_length) * half_plane.inverse_span;
+// Elevation of what lies so far towards the camera from the receiver. 0: in the camera's direction, 1: along the receiver's
+// surface, more: below it. inverse_length: of the whole offset.
+float elevation(HalfPlane half_plane, float towards, float inverse_length) {
+    return fast_acos(towards * inverse_length) * half_plane.inverse_span;
 }
 
 // Bits of the elevations from `low` to `high`. Rounded at both ends, so that narrow sectors add up without bias.
 uint sector(float low, float high) {
     int first = int(clamp(low, 0.0, 1.0) * 32.0 + 0.5), count = int(clamp(high, 0.0, 1.0) * 32.0 + 0.5) - first;
     return count <= 0 ? 0u : (0xFFFFFFFFu >> uint(32 - count)) << uint(first);
+}
+
+// Elevations that a surface hides whose visible side is at `front`, and which reaches back from the camera by `thickness`, a
+// share of its distance. towards: as of `elevation`. squared: of the length of its offset. The back is where the offset
+// grown by the share, and that share of the way from camera to receiver, lead; two numbers are enough for its angle.
+uint hidden_by(HalfPlane half_plane, float front, float towards, float squared, float thickness) {
+    float grown = 1.0 + thickness, pushed = thickness * half_plane.distance;
+    float back = grown * towards - pushed;
+    float back_squared = grown * (grown * squared - 2.0 * pushed * towards) + pushed * pushed;
+    return sector(front, elevation(half_plane, back, inversesqrt(max(back_squared, 1e-30))));
 }
 
 // Whether what is seen at an elevation hides behind the blocked ones. Below the surface nothing is known to block.

@@ -32,11 +32,10 @@ struct Sender {
 // What `surface` shows on the view ray through `place`, in texels: its tangent plane there. The depth stays near that of
 // the texel, whose plane may be seen at a grazing angle.
 vec3 position_on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
-    vec2 away = (place - vec2(at) - 0.5) * scale;
-    vec2 ray = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
-    float at_center = min(dot(surface.normal, vec3(ray, -1.0)), -1e-4);
-    float moved = at_center / min(at_center + dot(surface.normal.xy, away), -1e-4);
-    return position_from_ray(ray + away, surface.view_depth * clamp(moved, 0.9, 1.1));
+    vec2 ray = ray_from_pixel(place, scale, frame.ray_origin);
+    float at_center = min(dot(surface.normal, vec3(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), -1.0)), -1e-4);
+    float moved = at_center / min(dot(surface.normal, vec3(ray, -1.0)), -1e-4);
+    return position_from_ray(ray, surface.view_depth * clamp(moved, 0.9, 1.1));
 }
 
 Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
@@ -63,14 +62,6 @@ Sender look_at_place(Receiver receiver, ivec2 at, vec2 place) {
     return sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
 }
 
-#if VISIBILITY == 2
-// Elevations that a surface hides, if its visible side is at `front` and it reaches back from the camera by `thickness`.
-uint hidden_by(HalfPlane half_plane, float front, vec3 offset, vec3 position) {
-    vec3 back = offset + position * frame.thickness;
-    return sector(front, elevation(half_plane, back, inversesqrt(max(dot(back, back), 1e-30))));
-}
-#endif
-
 // R^2 of the disc that stands for one texel of the sender, as the receiver sees it: `above` / `below`.
 // R^2 = cos' dA / pi, dA = a z^3 / |n . Q|. Both are times the distance, which so divides nothing. 0 above: the sender faces
 // away, or there is none.
@@ -82,9 +73,9 @@ struct Disc {
 Disc disc_of_texel(Sender sender, vec2 scale) {
     float facing = max(-dot(sender.normal, sender.offset), 0.0);
     float depth = sender.view_depth;
-    // A surface seen at a grazing angle would count for infinitely much: its cosine is held above 1 %.
+    // A surface seen at a grazing angle would count for infinitely much: its cosine is held above some 1 %.
     return Disc(facing * (scale.x * scale.y * (1.0 / PI)) * (depth * depth * depth),
-                max(-dot(sender.normal, sender.position), 0.01 * length(sender.position)) * sqrt(sender.distance_squared));
+                max(-dot(sender.normal, sender.position), -0.01 * sender.position.z) * sqrt(sender.distance_squared));
 }
 
 Disc texel_disc(Sender sender) { return disc_of_texel(sender, frame.ray_scale * texel); }
