@@ -321,7 +321,7 @@ class Renderer:
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
-        running = self._runner.running_targets()
+        running = self._runner.plan.running_targets
         found = {}
         for name, buffer in BUFFERS.items():
             target = buffer.pick(running)
@@ -356,7 +356,7 @@ class Renderer:
 
     def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
         """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
-        target = buffer.pick(self._runner.running_targets())
+        target = buffer.pick(self._runner.plan.running_targets)
         form = self._runner.declared[target].format
         reads, inputs = [("source", form)], {"source": self._runner.targets.texture(target, level)}
         if buffer.more and self._runner.targets.has(buffer.more, level):
@@ -366,7 +366,7 @@ class Renderer:
 
     def _begin(self, buffer: Buffer) -> tuple[int, int]:
         """The pixel of the buffer's target where the image begins: after the guard band, if it has that."""
-        target = buffer.pick(self._runner.running_targets())
+        target = buffer.pick(self._runner.plan.running_targets)
         return (0, 0) if self._runner.declared[target].cropped else self._runner.band
 
     def read(self, name: str, level: int = 0) -> np.ndarray:
