@@ -7,7 +7,8 @@ from typing import Callable, ContextManager, Iterable, Literal, Sequence
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
+from ssil_viewer.buffer_views import BufferViews
+from ssil_viewer.buffers import BufferInfo, find_buffer
 from ssil_viewer.errors import UserError
 from ssil_viewer.frame_check import FrameError
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
@@ -21,7 +22,7 @@ from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.scene_rays import SceneRays
 from ssil_viewer.gpu.screen_program import Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet, level_size
+from ssil_viewer.gpu.targets import Target, TargetSet
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
@@ -73,6 +74,7 @@ class Renderer:
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
         self._lights_moved = True
+        self._views = BufferViews(self._runner)
         self._view_name: tuple[str, int] | None = None
         self._presenter: Presenter | None = None
 
@@ -245,7 +247,7 @@ class Renderer:
                                rays=self._rays, rays_are_stale=self._moved)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale, watched=True)
             if self._view_name is not None:
-                self._draw_view(*self._view_name)
+                self._views.draw(*self._view_name)
 
     def reload_shaders(self) -> str | None:
         """Compile all shaders again from their files.
@@ -321,17 +323,7 @@ class Renderer:
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
-        running = self._runner.plan.running_targets
-        found = {}
-        for name, buffer in BUFFERS.items():
-            target = buffer.pick(running)
-            if target is not None:
-                levels = self._runner.declared[target].levels(self._runner.settings)
-                if self.settings.bounces == 0 and self._runner.declared[target].extent != "start":
-                    levels = range(levels.start, min(levels.stop, 1))
-                if levels:
-                    found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
-        return found
+        return self._views.all()
 
     def show_buffer(self, name: str | None, level: int = 0) -> None:
         """Let `display` show a buffer from the next frame on, or the picture again (None).
@@ -343,32 +335,6 @@ class Renderer:
             find_buffer(self.buffers(), name, level)
         self._view_name = None if name is None else (name, level)
 
-    def _draw_view(self, name: str, level: int) -> None:
-        info = self.buffers().get(name)
-        if info is None or level not in info.levels:
-            return  # a setting took it away; the picture shows instead
-        buffer = BUFFERS[name]
-        reads, defines, inputs = self._source(buffer, level)
-        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),),
-                          (("texel", "float"), ("first", "ivec2")), (*defines, ("VIEW", str(buffer.view))))
-        self._runner.shade(variant, self._runner.targets, inputs, {"display": self.display},
-                           {"texel": float(2**level), "first": self._begin(buffer)})
-
-    def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
-        """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
-        target = buffer.pick(self._runner.plan.running_targets)
-        form = self._runner.declared[target].format
-        reads, inputs = [("source", form)], {"source": self._runner.targets.texture(target, level)}
-        if buffer.more and self._runner.targets.has(buffer.more, level):
-            reads.append(("more", self._runner.declared[buffer.more].format))
-            inputs["more"] = self._runner.targets.texture(buffer.more, level)
-        return tuple(reads), ((form.upper(), ""),), inputs
-
-    def _begin(self, buffer: Buffer) -> tuple[int, int]:
-        """The pixel of the buffer's target where the image begins: after the guard band, if it has that."""
-        target = buffer.pick(self._runner.plan.running_targets)
-        return (0, 0) if self._runner.declared[target].cropped else self._runner.band
-
     def read(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer after `render`.
 
@@ -378,21 +344,7 @@ class Renderer:
         Raises:
             UserError: There is no such buffer or level; the nearest name is suggested.
         """
-        find_buffer(self.buffers(), name, level)
-        self.timers.disturb()
-        buffer = BUFFERS[name]
-        reads, defines, inputs = self._source(buffer, level)
-        width, height = size = level_size(self.size, level)
-        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (("first", "ivec2"),), defines)
-        scratch = TargetSet(self.context, size, self.settings, {"decoded": Target("rgba32f", "", cropped=True)})
-        first = tuple(at >> level for at in self._begin(buffer))
-        try:
-            self._runner.unbind()
-            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {"first": first})
-            data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
-        finally:
-            scratch.release()
-        return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+        return self._views.read(name, level)
 
     def displayed(self, radiance: np.ndarray) -> np.ndarray:
         """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.
