@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from typing import Iterator
+from typing import TYPE_CHECKING, Iterator, Literal
 
 from ssil_viewer.frame_check import FrameError
 from ssil_viewer.gpu.screen_program import Variant
-from ssil_viewer.gpu.targets import Target
+from ssil_viewer.gpu.targets import Target, guard_band
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.pass_runner import Frame
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,18 @@ class FramePlan:
             for bounce in range(1, self.settings.gathered_bounces + 1) if per_bounce else (1,):
                 yield from ((p, bounce) for p in group if bounce >= p.first_bounce)
 
+    def programs(self, frame: Frame) -> frozenset[Variant]:
+        """What all screen passes of a frame compile to; it is not drawn.
+
+        Args:
+            frame: Its runner has this plan, or is a `PlannedRunner` with it.
+        """
+        found = set()
+        for p, frame.bounce in self.schedule():
+            if isinstance(p, ScreenPass):
+                found |= {self.variant(p, dispatch, self.reads(p, dispatch)) for dispatch in p.dispatches(frame)}
+        return frozenset(found)
+
     def reads(self, screen_pass: ScreenPass, dispatch: Dispatch) -> dict[str, tuple[str, int]]:
         """Target and level that a dispatch reads, by GLSL name; `NAME@previous` is last frame's."""
         found = {}
@@ -84,3 +99,50 @@ class FramePlan:
                             for declared in (screen_pass.tables, screen_pass.uniforms))
         parts = dispatch.parts if self.gpu_compute else 1
         return Variant(screen_pass.shader, formats, tables, writes, uniforms, dispatch.defines, parts, dispatch.levels)
+
+
+@dataclass(frozen=True)
+class PlannedRunner:
+    """What passes ask of a `PassRunner`, of a frame that nobody can draw yet.
+
+    Attributes:
+        size: Image width and height in pixels, without the guard band.
+    """
+
+    plan: FramePlan
+    size: tuple[int, int]
+    frame_index: int = 0
+
+    @property
+    def features(self) -> frozenset[str]:
+        """As of the plan."""
+        return self.plan.features
+
+    @property
+    def gpu_compute(self) -> bool:
+        """As of the plan."""
+        return self.plan.gpu_compute
+
+    @property
+    def band(self) -> tuple[int, int]:
+        """Pixels of the guard band at the left and right, and at the bottom and top."""
+        return guard_band(self.size, self.plan.settings)
+
+
+Needed = Literal["", "triangles", "surfels"]
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What a frame needs that is not there yet.
+
+    Attributes:
+        rays: Tables of the scene's triangles for rays, or of surfels, too.
+        programs: Of screen passes; which ones is not known as long as rays have no tables.
+    """
+
+    rays: Needed = ""
+    programs: frozenset[Variant] = frozenset()
+
+    def __bool__(self) -> bool:
+        return bool(self.rays or self.programs)

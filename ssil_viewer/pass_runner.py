@@ -365,6 +365,11 @@ class PassRunner:
     def _compile(self, variant: Variant) -> ScreenProgram:
         return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.software_form)
 
+    @property
+    def variants(self) -> frozenset[Variant]:
+        """What has been compiled."""
+        return frozenset(self._programs)
+
     def texture_units(self) -> dict[str, int]:
         """Shader file -> the most textures that any of its programs binds through samplers."""
         most: dict[str, int] = {}
