@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from ssil_viewer.app.actions import Actions
+from ssil_viewer.app.preparation import Preparation
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
@@ -30,6 +31,7 @@ class RendererFollower:
 
     def __init__(self, state: AppState, renderer: Renderer, actions: Actions) -> None:
         self._state, self._renderer, self._actions = state, renderer, actions
+        self._preparation = Preparation(state, renderer)
         self.lights: tuple[Light, ...] = state.lights
         self.rendered_view: Any = None
         self.broken_view: Any = None
@@ -38,19 +40,26 @@ class RendererFollower:
         self._refused_size: Any = None        # with the settings under which it was refused
         self._shown: tuple[Settings, str | None, int] | None = None   # of the last frame without an error
 
-    def send(self, size: tuple[int, int]) -> None:
-        """Bring the renderer to the state; what it refuses is taken back and reported.
+    def begin_turn(self) -> None:
+        """Call it once a turn of the window."""
+        self._preparation.begin_turn()
+
+    def send(self, size: tuple[int, int], at_once: bool = False) -> None:
+        """Bring the renderer to the state; what it refuses is taken back and reported. Call it once a turn.
 
         Args:
             size: Width and height to render, in pixels.
+            at_once: Settings need no preparation. Otherwise the old ones stay until theirs is done.
         """
-        state, renderer = self._state, self._renderer
+        state, renderer, preparation = self._state, self._renderer, self._preparation
         self._resize(size)
         wanted = self._actions.reference.settings(state.settings)
         try:
-            if renderer.settings != wanted:
-                renderer.set_settings(wanted)
-            self._sent_settings = state.settings
+            if renderer.settings != wanted and (at_once or preparation.ready(wanted)):
+                renderer.set_settings(wanted, preparation.ray_tables)
+            if renderer.settings == wanted:
+                preparation.settled()
+                self._sent_settings = state.settings
         except UserError as error:
             state.say(str(error), "error")
             state.settings, state.reference = self._sent_settings, "off"
@@ -99,6 +108,16 @@ class RendererFollower:
                 state.scene, state.shader_generation, self._actions.benchmark.runs,
                 state.other if self._actions.other.on else None)
 
+    def may_render(self, view: Any) -> bool:
+        """Whether the next frame can begin: one that compiles waits for a message about it. Call it once a turn.
+
+        Args:
+            view: What it would show, as `look` has it.
+        """
+        if self._preparation.waiting and self._renderer.capabilities.software and view == self.rendered_view:
+            return False    # the cores are needed for what is prepared
+        return self._preparation.may_render(self._actions.other.lacks_something)
+
     def render(self, view: Any) -> None:
         """One frame of what `look` answers; after an error the last picture stays, or is drawn again.
 
@@ -109,7 +128,7 @@ class RendererFollower:
         self._actions.other.render(state.camera.camera())
         try:
             renderer.render(state.camera.camera())
-            self._shown = (state.settings, state.buffer, state.level)
+            self._shown = (self._sent_settings, state.buffer, state.level)
             self.rendered_view = view
         except UserError as error:  # no memory for shadow maps, for one
             state.say(str(error), "error")
@@ -118,13 +137,19 @@ class RendererFollower:
                 raise
             state.shader_error = str(error)
             renderer.set_lights(self.lights)   # shadow maps may not have been drawn
-            if self._shown == (state.settings, state.buffer, state.level):
+            if self._shown == (self._sent_settings, state.buffer, state.level):
                 self.broken_view = view   # not the settings' doing, so wait for another view
                 return
             state.settings, state.buffer, state.level = self._shown
             # New targets are empty: fill them before they are seen.
-            self.send(renderer.size)
+            self.send(renderer.size, at_once=True)
             try:
                 renderer.render(state.camera.camera())
             except (UserError, ShaderError):
                 self.broken_view = self.look()
+        finally:
+            self._preparation.rendered()
+
+    def release(self) -> None:
+        """Return when nothing works for it in a thread any more."""
+        self._preparation.release()

@@ -130,12 +130,13 @@ class Viewer:
         self._draw_gui(seconds)
         reference, follower = self.actions.reference, self._follower
         measuring = self.actions.benchmark.advance()    # then the renderer has settings of its own
+        follower.begin_turn()
         if not measuring:
             follower.send(self._render_size())
         view = follower.look()
         self._pacer.continuous = self.state.continuous
-        if (not measuring and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)
-                and view != follower.broken_view):
+        if (not measuring and view != follower.broken_view and follower.may_render(view)
+                and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)):
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
             self._rendered = True
@@ -146,7 +147,9 @@ class Viewer:
         else:
             self._rendered = False
         self.state.resting = not self._rendered and not measuring
-        if not measuring and follower.rendered_view is not None:
+        # While settings wait for what they need, the picture may have what a reference cannot have
+        comparable = reference.settings(self._renderer.settings) == self._renderer.settings
+        if not measuring and comparable and follower.rendered_view is not None:
             reference.follow(follower.rendered_view)
             reference.advance(self.state.continuous or not self._pacer.idle(now), self._rendered)
         self._present(self._screen)
@@ -158,6 +161,7 @@ class Viewer:
 
     def release(self) -> None:
         """Give everything back that hangs on the OpenGL context."""
+        self._follower.release()
         self._gui_renderer.release()
         imgui.destroy_context(self._imgui)
         self.actions.reference.release()
@@ -210,8 +214,8 @@ class Viewer:
         if self._save_window:
             self._save_window = False
             self.actions.save_pixels(self._window_pixels())
-        if measuring:
-            return      # what follows reads back, which would disturb every frame
+        if measuring or self._follower.rendered_view is None:
+            return      # what follows reads back, which would disturb every frame, and needs one
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now
@@ -235,6 +239,9 @@ class Viewer:
         return pixels
 
     def _present(self, framebuffer: moderngl.Framebuffer) -> None:
+        if self._follower.rendered_view is None:
+            framebuffer.clear()     # before the first frame
+            return
         self._renderer.present(framebuffer)
         if not self.actions.benchmark.running:
             self.actions.reference.present(framebuffer)
