@@ -58,6 +58,19 @@ def test_the_programs_are_those_that_the_frame_compiles(make_renderer, stage, en
     assert compiling == set(CHANGES) - {"nothing", "a number", "a shadow map"}
 
 
+def test_so_are_those_for_a_gpu_where_threads_share_work(make_renderer):
+    scene = scenes.cornell()
+    renderer = make_renderer(scene, SIZE, samples=8)
+    renderer.runner.software_form = False
+    for name in ("nothing", "levels", "bounces"):
+        renderer.set_settings(CHANGES[name])
+        before, foreseen = renderer.runner.variants, renderer.missing(CHANGES[name]).programs
+        for _ in range(2):
+            renderer.render(default_camera(scene))
+        assert foreseen and renderer.runner.variants - before == foreseen, name
+    assert not renderer.runner.gpu_compute or any(v.parts * v.levels > 1 for v in renderer.runner.variants)
+
+
 def test_rays_need_tables_and_take_those_made_beforehand(make_renderer, monkeypatch):
     scene = scenes.cornell()
     renderer, other = (make_renderer(scene, SIZE, samples=8) for _ in range(2))
