@@ -47,7 +47,7 @@ class Preparation:
         self._turn = self._since = 0
         self._breaths = 0       # turns to come that draw the window without a message, and no frame
         self._size: tuple[int, int] | None = None   # of the last frame
-        self._complete: object = None   # a state of the renderer in which nothing was missing
+        self._complete: object = None   # `_key` of a frame that compiles nothing, or has been drawn
 
     def begin_turn(self) -> None:
         """Call it once a turn of the window."""
@@ -69,15 +69,18 @@ class Preparation:
         Raises:
             UserError: What they need cannot be made.
         """
-        missing = self._renderer.missing(settings, self.ray_tables)
+        working = self._job is not None and self._job.working   # asked once: it may end meanwhile
+        missing = self._renderer.missing(settings, None if working else self.ray_tables)
         if not missing or self._renderer.settings.affected_by(settings) == "display":
             return True     # what the display alone needs is compiled at once
         self.waiting = True
         told = self._tell(_OF_RAYS if missing.rays or self._state.preparing == _OF_RAYS else _OF_SETTINGS)
-        if self._job is None or not (self._job.working or self._job.serves(self._renderer, settings, missing)):
-            self._job = _Job(self._renderer, settings, missing, self.ray_tables)
-        if self._job.working:
+        if working:
             return False
+        if self._job is None or not self._job.serves(self._renderer, settings, missing):
+            self._job = _Job(self._renderer, settings, missing, self.ray_tables)
+            if self._job.working:
+                return False
         if self._job.error is not None:
             error, self._job = self._job.error, None
             raise error
@@ -109,17 +112,23 @@ class Preparation:
             return False
         if other:
             return self._tell(_OF_OTHER)
-        key = (_without_display(renderer.settings), renderer.size, renderer.lights, id(renderer.scene),
-               id(renderer.environment))
-        if key != self._complete:
+        if self._key() != self._complete:
             if renderer.missing(renderer.settings):
                 return self._tell(self._state.preparing or _COMPILING)
-            self._complete = key
+            self._complete = self._key()
         return True
+
+    def _key(self) -> object:
+        """What decides which programs a frame needs."""
+        renderer = self._renderer
+        # The display's one program is compiled at once
+        of_display = {info.name: info.default for info in knobs() if info.knob.affects == "display"}
+        return (replace(renderer.settings, **of_display), renderer.size, renderer.lights, id(renderer.scene),
+                id(renderer.environment))
 
     def rendered(self) -> None:
         """A frame has ended, and what was said about it is over."""
-        self._size = self._renderer.size
+        self._size, self._complete = self._renderer.size, self._key()
         if self._state.preparing and not self.waiting:
             self._state.preparing, self._breaths = "", _BREATHS
 
@@ -135,11 +144,6 @@ class Preparation:
         if self._job is not None:
             self._job.end()
             self._job = None
-
-
-def _without_display(settings: Settings) -> Settings:
-    """Settings but for those of the display, whose one program is compiled at once."""
-    return replace(settings, **{info.name: info.default for info in knobs() if info.knob.affects == "display"})
 
 
 class _Job:
