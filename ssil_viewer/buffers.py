@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
+from typing import Collection
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Buffer:
     meaning: str = ""
     more: str = ""
 
-    def pick(self, running: set[str]) -> str | None:
+    def pick(self, running: Collection[str]) -> str | None:
         """The target that holds it, given those that are written."""
         return next((name for name in self.targets if name in running), None)
 

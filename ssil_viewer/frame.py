@@ -68,7 +68,7 @@ class Frame:
 
     def has_target(self, name: str, level: int = 0) -> bool:
         """Whether a target is allocated under these settings."""
-        return self.runner.targets.has(name, level)
+        return self.runner.plan.has_target(name, level)
 
     def attachments(self, owner: Pass, level: int = 0) -> tuple[tuple[str, str], ...]:
         """(name, format) of the targets of a pass that exist at a level, in their order."""

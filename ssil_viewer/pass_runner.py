@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from itertools import groupby
+from dataclasses import replace
 from typing import Callable, Iterable, Iterator, Literal, Sequence
 
 import moderngl
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.frame import Frame
-from ssil_viewer.frame_check import FrameError, check_frame
+from ssil_viewer.frame_check import check_frame
+from ssil_viewer.frame_plan import FramePlan
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import View, make_frame, radius_texels, same_view
 from ssil_viewer.gpu.context import read_capabilities
@@ -28,7 +29,7 @@ from ssil_viewer.gpu.targets import (
 )
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
-from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
+from ssil_viewer.passes.base import Dispatch, Pass, ScreenPass
 from ssil_viewer.settings import Settings
 
 # Frames after a change of light for which the temporal mean stays short where light is fed back
@@ -53,12 +54,11 @@ class PassRunner:
         timed: Passes are timed.
 
     Attributes:
-        declared: Name -> target, of all that are allocated.
+        plan: Passes, targets and programs under the settings and features of now.
         targets: The textures.
         gl: OpenGL functions that moderngl lacks.
         frame_index: Frames since the history began.
         timers: The one place that times passes.
-        features: What the scene has that not every scene has; see `set_features`.
 
     Raises:
         FrameError: The passes do not fit together.
@@ -76,12 +76,9 @@ class PassRunner:
         self._software_form = self.capabilities.software
         self.passes = tuple(make() for make in passes)
         check_frame(self.passes)
-        self._keep = set(keep)
-        self.features: frozenset[str] = frozenset()
-        self.declared = self._declare()
+        self.plan = FramePlan(self.passes, settings, keep=frozenset(keep), gpu_compute=self.gpu_compute)
         self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
-        self.settings = settings
         self.targets: TargetSet | None = None
         self.targets = self._allocate(size, settings)
         self.frame_index = 0
@@ -95,14 +92,21 @@ class PassRunner:
         self._bound: dict[int, int] = {}
         self._traffic: dict[str, int] | None = None
         self._running = ""
-        self._running_targets: frozenset[str] = frozenset()
-        self._running_under: Settings | None = None     # for which settings and declared targets it is so
-        self._running_with: dict[str, Target] | None = None
 
-    def _declare(self) -> dict[str, Target]:
-        """Targets of the passes whose features are there, without the optional ones that nobody asked for."""
-        return {name: target for p in self.passes if p.requires <= self.features for name, target in p.writes.items()
-                if not target.optional or name in self._keep}
+    @property
+    def settings(self) -> Settings:
+        """The settings in force."""
+        return self.plan.settings
+
+    @property
+    def features(self) -> frozenset[str]:
+        """What the scene has that not every scene has; see `set_features`."""
+        return self.plan.features
+
+    @property
+    def declared(self) -> dict[str, Target]:
+        """Name -> target, of all that are allocated."""
+        return self.plan.declared
 
     def _allocate(self, size: tuple[int, int], settings: Settings) -> TargetSet:
         shown, advice = f"an image of {size[0]}x{size[1]}", "give a smaller one"
@@ -140,7 +144,7 @@ class PassRunner:
         affected = self.settings.affected_by(settings)
         if affected == "resources":
             self._replace_targets(self._allocate(self.size, settings))
-        self.settings = settings
+        self.plan = replace(self.plan, settings=settings)
         if affected not in (None, "display"):
             self.reset_history()
 
@@ -150,16 +154,14 @@ class PassRunner:
         Raises:
             UserError: The targets cannot be allocated; all stays as it was then.
         """
-        before = self.features
-        if (after := frozenset(features)) == before:
+        before = self.plan
+        if (after := frozenset(features)) == before.features:
             return
-        self.features = after
-        self.declared = self._declare()
+        self.plan = replace(before, features=after)
         try:
             fresh = self._allocate(self.size, self.settings)
         except UserError:
-            self.features = before
-            self.declared = self._declare()
+            self.plan = before
             raise
         self._replace_targets(fresh)
         self.reset_history()
@@ -210,7 +212,7 @@ class PassRunner:
         still = frame.still = history and not moving and self._restless == 0
         self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
                                          light_count, background, history, moving, still))
-        for p, frame.bounce in self._schedule():
+        for p, frame.bounce in self.plan.schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):
                 if frame.bounce > 1 and self.gpu_compute:   # it writes what the bounce before has read
@@ -218,14 +220,6 @@ class PassRunner:
                 p.execute(frame)
         self._previous = view
         self.frame_index += 1
-
-    def _schedule(self) -> Iterator[tuple[Pass, int]]:
-        """The passes of a frame with the number of the bounce, from 1 on; neighbours that work per bounce repeat."""
-        running = [p for p in self.passes if p.runs(self.settings, self.features)]
-        for per_bounce, neighbours in groupby(running, key=lambda p: p.per_bounce):
-            group = list(neighbours)
-            for bounce in range(1, self.settings.gathered_bounces + 1) if per_bounce else (1,):
-                yield from ((p, bounce) for p in group if bounce >= p.first_bounce)
 
     @contextmanager
     def counting_bytes(self) -> Iterator[dict[str, int]]:
@@ -255,6 +249,7 @@ class PassRunner:
     def software_form(self, software: bool) -> None:
         self._release_programs()
         self._software_form = software
+        self.plan = replace(self.plan, gpu_compute=self.gpu_compute)
 
     @property
     def gpu_compute(self) -> bool:
@@ -271,16 +266,6 @@ class PassRunner:
         """Radius of disc and rings in texels of each level."""
         return radius_texels(self.settings, self.size)
 
-    def running_targets(self) -> frozenset[str]:
-        """Declared targets of the passes that run under the current settings."""
-        # It is asked for every run of a shader, and Python is slow
-        if self._running_under is not self.settings or self._running_with is not self.declared:
-            self._running_targets = frozenset(
-                name for p in self.passes if p.runs(self.settings, self.features)
-                for name in p.writes if name in self.declared and self.declared[name].exists(self.settings))
-            self._running_under, self._running_with = self.settings, self.declared
-        return self._running_targets
-
     def dispatch(self, screen_pass: ScreenPass, dispatch: Dispatch, tables: dict[str, moderngl.Texture]) -> None:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
         variant, inputs, outputs = self.bind(screen_pass, dispatch)
@@ -294,36 +279,13 @@ class PassRunner:
     def bind(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[
             Variant, dict[str, moderngl.Texture], dict[str, moderngl.Texture]]:
         """What a dispatch compiles to, and its input and output targets by GLSL name."""
-        running = self.running_targets()
-        reads, inputs = [], {}
-        for name, read in screen_pass.reads.items():
-            if name in dispatch.omit:
-                continue
-            target = dispatch.targets.get(name) or self._resolve(read, running)
-            if read.offset == "start":
-                level = self.settings.start_level
-            else:
-                level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
-            reads.append((name, self.declared[target.removesuffix("@previous")].format))
-            inputs[name] = self.targets.texture(target, level)
-        writes = [(name, self.declared[name].format)
-                  for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit]
-        outputs = {f"{name}_{n}" if n else name: self.targets.texture(dispatch.targets.get(name, name),
-                                                                      dispatch.level + n)
-                   for n in range(dispatch.levels) for name, _ in writes}
-        tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
-                            for declared in (screen_pass.tables, screen_pass.uniforms))
-        parts = dispatch.parts if self.gpu_compute else 1
-        variant = Variant(screen_pass.shader, tuple(reads), tables, tuple(writes), uniforms, dispatch.defines, parts,
-                          dispatch.levels)
+        plan, targets = self.plan, self.targets
+        reads = plan.reads(screen_pass, dispatch)
+        variant = plan.variant(screen_pass, dispatch, reads)
+        inputs = {name: targets.texture(target, level) for name, (target, level) in reads.items()}
+        outputs = {f"{name}_{n}" if n else name: targets.texture(dispatch.targets.get(name, name), dispatch.level + n)
+                   for n in range(dispatch.levels) for name, _ in variant.writes}
         return variant, inputs, outputs
-
-    @staticmethod
-    def _resolve(read: Read, running: frozenset[str]) -> str:
-        for name in read.targets:
-            if name.removesuffix("@previous") in running:
-                return name
-        raise FrameError(f"none of {', '.join(read.targets)} is written under these settings")
 
     def shade(self, variant: Variant, targets: TargetSet, inputs: dict[str, moderngl.Texture],
               outputs: dict[str, moderngl.Texture], uniforms: dict[str, object], barrier: int = ANY_USE) -> None:
@@ -337,6 +299,11 @@ class PassRunner:
 
     def _compile(self, variant: Variant) -> ScreenProgram:
         return ScreenProgram(self.context, variant, self.stage, FrameBlock, self.software_form)
+
+    @property
+    def variants(self) -> frozenset[Variant]:
+        """What has been compiled."""
+        return frozenset(self._programs)
 
     def texture_units(self) -> dict[str, int]:
         """Shader file -> the most textures that any of its programs binds through samplers."""
@@ -369,7 +336,7 @@ class PassRunner:
     @property
     def timings(self) -> Timings:
         """Times of the passes over the last frames."""
-        return self.timers.timings(tuple(_timed_name(p, bounce) for p, bounce in self._schedule()))
+        return self.timers.timings(tuple(_timed_name(p, bounce) for p, bounce in self.plan.schedule()))
 
     def _release_programs(self) -> None:
         for program in self._programs.values():

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Callable, ContextManager, Iterable, Literal, Sequence
 
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
+from ssil_viewer.buffer_views import BufferViews
+from ssil_viewer.buffers import BufferInfo, find_buffer
 from ssil_viewer.errors import UserError
 from ssil_viewer.frame_check import FrameError
+from ssil_viewer.frame_plan import Missing, Needed, PlannedRunner
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
-from ssil_viewer.frame_uniforms import make_view
+from ssil_viewer.frame_uniforms import make_view, radius_texels
 from ssil_viewer.gpu.context import Capabilities
 from ssil_viewer.gpu.environment_maps import EnvironmentMaps
 from ssil_viewer.gpu.glsl import ShaderError
@@ -19,15 +22,15 @@ from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.gpu.present import Presenter
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
-from ssil_viewer.gpu.scene_rays import SceneRays
+from ssil_viewer.gpu.scene_rays import RayTables, SceneRays
 from ssil_viewer.gpu.screen_program import Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet, level_size
+from ssil_viewer.gpu.targets import Target, TargetSet
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
-from ssil_viewer.passes.rays import corrects_visibility, gathers_unseen, traces_rays, traces_shadows
+from ssil_viewer.passes.rays import RAYS, corrects_visibility, gathers_unseen, traces_rays, traces_shadows
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -73,6 +76,7 @@ class Renderer:
         self._light_table = LightTable(context)
         self._drawer = SceneDrawer(context, FrameBlock)
         self._lights_moved = True
+        self._views = BufferViews(self._runner)
         self._view_name: tuple[str, int] | None = None
         self._presenter: Presenter | None = None
 
@@ -119,7 +123,8 @@ class Renderer:
         rays = None
         try:
             settings = settings_for(self._runner.passes, scene, self._settings)
-            rays = self._scene_rays(scene, fresh.origin, settings)
+            if traces_rays(settings) and scene.triangle_count:
+                rays = SceneRays(self.context, RayTables.of(scene, fresh.origin, gathers_unseen(settings)))
             self._runner.set_settings(settings)
             self._set_feature("rays", rays is not None)
             self.set_environment(scene.environment)
@@ -168,19 +173,45 @@ class Renderer:
         """Tell the passes whether the scene has something. Raises UserError when their targets cannot be allocated."""
         self._runner.set_features(self._runner.features | {name} if there else self._runner.features - {name})
 
-    def _scene_rays(self, scene: Scene, origin: np.ndarray, settings: Settings) -> SceneRays | None:
-        """What passes that trace rays read, if there are such: making it takes long. Raises UserError."""
-        if not (traces_rays(settings) and scene.triangle_count):
-            return None
-        return SceneRays(self.context, scene, origin, surfels=gathers_unseen(settings))
-
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
         """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
         self._gpu_scene.move(index, world_from_object)
         self._moved = True
 
-    def set_settings(self, settings: Settings) -> None:
+    def missing(self, settings: Settings, ray_tables: RayTables | None = None) -> Missing:
+        """What would have to be made before a frame under these settings, and takes long. Makes nothing itself.
+
+        Args:
+            ray_tables: As of `set_settings`, if they are there already; ignored if they are another scene's.
+        """
+        if self.scene is None:
+            return Missing()
+        in_force, rays = settings_for(self._runner.passes, self.scene, settings), self._rays
+        if ray_tables is not None and ray_tables.scene is self.scene:
+            rays = ray_tables
+        if needed := self._rays_needed(in_force, rays):
+            return Missing(needed)
+        features = self._runner.features | (RAYS if rays is not None else frozenset())
+        plan = replace(self._runner.plan, settings=in_force, features=features)
+        frame = SceneFrame(PlannedRunner(plan, self.size), in_force, radius_texels(in_force, self.size),
+                           has_occlusion_maps=self._gpu_scene.has_occlusion_maps, lights=self._light_table,
+                           shadows_stale=False, drawer=self._drawer, rays=rays, rays_are_stale=self._moved)
+        return Missing(programs=plan.programs(frame) - self._runner.variants)
+
+    def _rays_needed(self, in_force: Settings, rays: SceneRays | RayTables | None) -> Needed:
+        """What rays need of the scene and do not have."""
+        if self.scene is None or not self.scene.triangle_count or not traces_rays(in_force):
+            return ""
+        if rays is not None and rays.has_surfels >= gathers_unseen(in_force):
+            return ""
+        return "surfels" if gathers_unseen(in_force) else "triangles"
+
+    def set_settings(self, settings: Settings, ray_tables: RayTables | None = None) -> None:
         """Change settings; drops what the change invalidates and nothing else.
+
+        Args:
+            ray_tables: What rays need of this scene, made beforehand, if they need something; None makes it here,
+                which takes long.
 
         Raises:
             UserError: The render targets cannot be allocated; the old settings stay then.
@@ -189,8 +220,11 @@ class Renderer:
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
         in_force, former = settings_for(self._runner.passes, self.scene, settings), self._runner.settings
         made = None
-        if self.scene is not None and (self._rays is None or gathers_unseen(in_force) > self._rays.has_surfels):
-            made = self._scene_rays(self.scene, self.origin, in_force)
+        if self._rays_needed(in_force, self._rays):
+            fit = ray_tables is not None and ray_tables.scene is self.scene
+            if not fit or self._rays_needed(in_force, ray_tables):
+                ray_tables = RayTables.of(self.scene, self.origin, gathers_unseen(in_force))
+            made = SceneRays(self.context, ray_tables)
         try:
             self._runner.set_settings(in_force)
             try:
@@ -245,7 +279,7 @@ class Renderer:
                                rays=self._rays, rays_are_stale=self._moved)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale, watched=True)
             if self._view_name is not None:
-                self._draw_view(*self._view_name)
+                self._views.draw(*self._view_name)
 
     def reload_shaders(self) -> str | None:
         """Compile all shaders again from their files.
@@ -321,17 +355,7 @@ class Renderer:
 
     def buffers(self) -> dict[str, BufferInfo]:
         """Buffers that exist under the current settings, by the name that `read` and `show_buffer` take."""
-        running = self._runner.running_targets()
-        found = {}
-        for name, buffer in BUFFERS.items():
-            target = buffer.pick(running)
-            if target is not None:
-                levels = self._runner.declared[target].levels(self._runner.settings)
-                if self.settings.bounces == 0 and self._runner.declared[target].extent != "start":
-                    levels = range(levels.start, min(levels.stop, 1))
-                if levels:
-                    found[name] = BufferInfo(levels, buffer.meaning or self._runner.declared[target].meaning)
-        return found
+        return self._views.all()
 
     def show_buffer(self, name: str | None, level: int = 0) -> None:
         """Let `display` show a buffer from the next frame on, or the picture again (None).
@@ -343,32 +367,6 @@ class Renderer:
             find_buffer(self.buffers(), name, level)
         self._view_name = None if name is None else (name, level)
 
-    def _draw_view(self, name: str, level: int) -> None:
-        info = self.buffers().get(name)
-        if info is None or level not in info.levels:
-            return  # a setting took it away; the picture shows instead
-        buffer = BUFFERS[name]
-        reads, defines, inputs = self._source(buffer, level)
-        variant = Variant("debug/view.glsl", reads, (), (("display", "rgba8"),),
-                          (("texel", "float"), ("first", "ivec2")), (*defines, ("VIEW", str(buffer.view))))
-        self._runner.shade(variant, self._runner.targets, inputs, {"display": self.display},
-                           {"texel": float(2**level), "first": self._begin(buffer)})
-
-    def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
-        """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""
-        target = buffer.pick(self._runner.running_targets())
-        form = self._runner.declared[target].format
-        reads, inputs = [("source", form)], {"source": self._runner.targets.texture(target, level)}
-        if buffer.more and self._runner.targets.has(buffer.more, level):
-            reads.append(("more", self._runner.declared[buffer.more].format))
-            inputs["more"] = self._runner.targets.texture(buffer.more, level)
-        return tuple(reads), ((form.upper(), ""),), inputs
-
-    def _begin(self, buffer: Buffer) -> tuple[int, int]:
-        """The pixel of the buffer's target where the image begins: after the guard band, if it has that."""
-        target = buffer.pick(self._runner.running_targets())
-        return (0, 0) if self._runner.declared[target].cropped else self._runner.band
-
     def read(self, name: str, level: int = 0) -> np.ndarray:
         """Values of a buffer after `render`.
 
@@ -378,21 +376,7 @@ class Renderer:
         Raises:
             UserError: There is no such buffer or level; the nearest name is suggested.
         """
-        find_buffer(self.buffers(), name, level)
-        self.timers.disturb()
-        buffer = BUFFERS[name]
-        reads, defines, inputs = self._source(buffer, level)
-        width, height = size = level_size(self.size, level)
-        variant = Variant("debug/decode.glsl", reads, (), (("decoded", "rgba32f"),), (("first", "ivec2"),), defines)
-        scratch = TargetSet(self.context, size, self.settings, {"decoded": Target("rgba32f", "", cropped=True)})
-        first = tuple(at >> level for at in self._begin(buffer))
-        try:
-            self._runner.unbind()
-            self._runner.shade(variant, scratch, inputs, {"decoded": scratch.texture("decoded")}, {"first": first})
-            data = np.frombuffer(scratch.texture("decoded").read(), np.float32)
-        finally:
-            scratch.release()
-        return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+        return self._views.read(name, level)
 
     def displayed(self, radiance: np.ndarray) -> np.ndarray:
         """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.

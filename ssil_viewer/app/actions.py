@@ -181,7 +181,9 @@ class Actions:
             rgb: (H, W, 3) uint8, row 0 = top.
         """
         environment = self.state.scene.environment
-        view = saved_view.SavedView(self.state.scene.name, self.state.settings, self.state.camera.camera(),
+        # While new settings are prepared, the picture still has those of the renderer
+        settings = self._renderer.settings if self.state.preparing else self.state.settings
+        view = saved_view.SavedView(self.state.scene.name, settings, self.state.camera.camera(),
                                     environment.name if environment else "")
         details = {"renderer": self._renderer.capabilities.renderer, "opengl": self._renderer.capabilities.version,
                    "size": [rgb.shape[1], rgb.shape[0]]}

@@ -70,8 +70,7 @@ class Gui:
         free = self._panel_width() if state.panels_visible else 0.0
         reference.draw_overlay(state, self._actions.reference, free, top, bottom)
         other_settings.draw_overlay(state, self._actions.other, free, top, bottom)
-        if state.loading:
-            messages.draw_loading(state.loading, top + 0.6 * imgui.get_font_size())
+        messages.draw_work(state, free, top)
         left = self._panel_width() if state.panels_visible else 0.0
         help.draw(state, left)
         help.draw_about(state, self._renderer.capabilities, left)

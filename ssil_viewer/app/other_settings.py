@@ -40,6 +40,14 @@ class OtherSettings:
         """Whether the window shows B."""
         return self.on and self._rendered
 
+    @property
+    def lacks_something(self) -> bool:
+        """Whether B's next frame takes long, since it makes B's renderer, or what new settings of it need."""
+        if not self.on or self._other is None or self._other.scene is not self._ours.scene:
+            return self.on
+        wanted = with_display_of(self._state.other, self._state.settings)
+        return self._other.settings != wanted and bool(self._other.missing(wanted))
+
     def differences(self) -> list[tuple[str, Any, Any]]:
         """Name, value in A and value in B of the settings that differ."""
         a, b = self._state.settings, self._state.other or self._state.settings

@@ -54,10 +54,11 @@ class AppState:
     """The state of the window.
 
     Attributes:
-        settings: What the user wants; the renderer follows at the next frame.
+        settings: What the user wants; the renderer follows at the next frame, or once what they need is there.
         bounds: Corners of the scene's box; see Scene.bounds.
         home: Camera that the scene was opened with.
         lights: The lights as edited, without their motion.
+        preparing: What is made for the next frame or for new settings and takes long, or empty; see `Preparation`.
         buffer: Name of the buffer shown in place of the image, or None.
         level: Mip level of that buffer.
         other: Settings B, shown right of the divider, or None.
@@ -108,6 +109,7 @@ class AppState:
     resting: bool = False
     shader_generation: int = 0
     loading: str | None = None
+    preparing: str = ""
     shader_error: str = ""
     no_indirect: str = ""
     toasts: list[Toast] = field(default_factory=list)

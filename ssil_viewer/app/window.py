@@ -1,9 +1,8 @@
-"""The window: events in, state out, and the order of one frame."""
+"""The window: events in, and the order of one frame."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app import theme
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.diagnosis import LightWatch
+from ssil_viewer.app.following import RendererFollower
 from ssil_viewer.app.glfw_window import GlfwWindow, open_window
 from ssil_viewer.app.gui import Gui
 from ssil_viewer.app.imgui_input import ImguiInput
@@ -28,7 +28,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene import default_camera, load_scene
-from ssil_viewer.scene.model import Camera, Light, Scene
+from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings
 
 _MINIMISED_WAIT = 0.1      # s between looks at the events while there is nothing to draw
@@ -94,13 +94,6 @@ class Viewer:
         self._screen = self._ctx.screen
         self._renderer = Renderer(self._ctx, self._render_size(), settings)
         self._renderer.set_scene(scene)
-        self._sent_settings = settings
-        self._rendered_view: Any = None       # what the last frame shows
-        self._sent_lights: tuple[Light, ...] = self.state.lights
-        self._sent_buffer: tuple[str | None, int] = (None, 0)
-        self._refused_size: Any = None        # with the settings under which it was refused
-        self._shown: tuple[Settings, str | None, int] | None = None   # of the last frame without an error
-        self._broken_view: Any = None         # its shaders do not compile
         self._imgui = imgui.create_context()
         imgui.get_io().set_ini_filename("")
         theme.load_font()
@@ -108,6 +101,7 @@ class Viewer:
         self._gui_renderer = ImguiRenderer(self._ctx)
         self._input = ImguiInput(window, window.handle)
         self.actions = Actions(self.state, self._renderer, SceneLoader(load_scene, default_camera), self)
+        self._follower = RendererFollower(self.state, self._renderer, self.actions)
         self._gui = Gui(self.state, self.actions, self._renderer)
         self.state.continuous = not self._renderer.capabilities.software
         self._pacer = Pacer(self.state.continuous)
@@ -134,26 +128,29 @@ class Viewer:
         seconds, self._clock = now - self._clock, now
         self._advance(seconds)
         self._draw_gui(seconds)
-        reference = self.actions.reference
+        reference, follower = self.actions.reference, self._follower
         measuring = self.actions.benchmark.advance()    # then the renderer has settings of its own
+        follower.begin_turn()
         if not measuring:
-            self._send()
-        view = self._look()
+            follower.send(self._render_size())
+        view = follower.look()
         self._pacer.continuous = self.state.continuous
-        if (not measuring and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)
-                and view != self._broken_view):
+        if (not measuring and view != follower.broken_view and follower.may_render(view)
+                and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)):
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
             self._rendered = True
-            self._render(view)
+            follower.render(view)
             self.frames += 1
             if self.frames == _HINT_FRAME and self.state.frame_time > _SLOW_FRAME:
                 self.state.say("Frames are slow here: try Settings > fast, or Window > Image scale")
         else:
             self._rendered = False
         self.state.resting = not self._rendered and not measuring
-        if not measuring and self._rendered_view is not None:
-            reference.follow(self._rendered_view)
+        # While settings wait for what they need, the picture may have what a reference cannot have
+        comparable = reference.settings(self._renderer.settings) == self._renderer.settings
+        if not measuring and comparable and follower.rendered_view is not None:
+            reference.follow(follower.rendered_view)
             reference.advance(self.state.continuous or not self._pacer.idle(now), self._rendered)
         self._present(self._screen)
         self._gui_renderer.render(imgui.get_draw_data(), self._screen)
@@ -164,6 +161,7 @@ class Viewer:
 
     def release(self) -> None:
         """Give everything back that hangs on the OpenGL context."""
+        self._follower.release()
         self._gui_renderer.release()
         imgui.destroy_context(self._imgui)
         self.actions.reference.release()
@@ -212,95 +210,12 @@ class Viewer:
         self._gui.draw()
         imgui.render()
 
-    def _send(self) -> None:
-        """Bring the renderer to the state; what it refuses is taken back and reported."""
-        state, renderer = self.state, self._renderer
-        self._resize()
-        wanted = self.actions.reference.settings(state.settings)
-        try:
-            if renderer.settings != wanted:
-                renderer.set_settings(wanted)
-            self._sent_settings = state.settings
-        except UserError as error:
-            state.say(str(error), "error")
-            state.settings, state.reference = self._sent_settings, "off"
-        try:
-            renderer.set_environment(state.scene.environment)
-        except UserError as error:
-            state.say(str(error), "error")
-            state.scene = replace(state.scene, environment=renderer.environment)
-        lights = state.motion.applied(state.lights)
-        if lights != self._sent_lights:
-            renderer.set_lights(lights)
-            self._sent_lights = lights
-        self._send_buffer()
-        if state.camera.jumped:
-            renderer.reset_history()
-            state.camera.jumped = False
-
-    def _resize(self) -> None:
-        size, renderer = self._render_size(), self._renderer
-        asked = size, renderer.settings
-        if size == renderer.size:
-            self._refused_size = None
-        elif asked != self._refused_size:
-            try:
-                renderer.resize(size)
-            except UserError as error:
-                self._refused_size = asked
-                self.state.say(str(error), "error")
-
-    def _send_buffer(self) -> None:
-        state, renderer = self.state, self._renderer
-        self.actions.keep_buffer_valid()
-        if (state.buffer, state.level) != self._sent_buffer:
-            try:
-                renderer.show_buffer(state.buffer, state.level)
-            except UserError as error:
-                state.say(str(error), "error")
-                state.buffer, state.level = None, 0
-                renderer.show_buffer(None)
-            self._sent_buffer = (state.buffer, state.level)
-
-    def _render(self, view: Any) -> None:
-        """One frame; after an error the last picture stays, or is drawn again."""
-        state, renderer = self.state, self._renderer
-        self.actions.other.render(state.camera.camera())
-        try:
-            renderer.render(state.camera.camera())
-            self._shown = (state.settings, state.buffer, state.level)
-            self._rendered_view = view
-        except UserError as error:  # no memory for shadow maps, for one
-            state.say(str(error), "error")
-        except ShaderError as error:
-            if self._shown is None:
-                raise
-            state.shader_error = str(error)
-            renderer.set_lights(self._sent_lights)   # shadow maps may not have been drawn
-            if self._shown == (state.settings, state.buffer, state.level):
-                self._broken_view = view   # not the settings' doing, so wait for another view
-                return
-            state.settings, state.buffer, state.level = self._shown
-            # New targets are empty: fill them before they are seen.
-            self._send()
-            try:
-                renderer.render(state.camera.camera())
-            except (UserError, ShaderError):
-                self._broken_view = self._look()
-
-    def _look(self) -> Any:
-        """Everything that the picture depends on."""
-        state = self.state
-        return (self._renderer.settings, self._sent_lights, self._sent_buffer, self._renderer.size,
-                state.camera.camera(), state.scene, state.shader_generation, self.actions.benchmark.runs,
-                state.other if self.actions.other.on else None)
-
     def _after_frame(self, view: Any, measuring: bool) -> None:
         if self._save_window:
             self._save_window = False
             self.actions.save_pixels(self._window_pixels())
-        if measuring:
-            return      # what follows reads back, which would disturb every frame
+        if measuring or self._follower.rendered_view is None:
+            return      # what follows reads back, which would disturb every frame, and needs one
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now
@@ -309,7 +224,7 @@ class Viewer:
             except (UserError, ShaderError) as error:
                 self.state.pixel, self.state.inspector = None, False
                 self.state.say(str(error), "error")
-        self._light_watch.look(now, view, self._sent_lights)
+        self._light_watch.look(now, view, self._follower.lights)
 
     def _window_pixels(self) -> np.ndarray:
         """(H, W, 3) uint8, row 0 = top: what the window shows, drawn once more where it can be read."""
@@ -324,6 +239,9 @@ class Viewer:
         return pixels
 
     def _present(self, framebuffer: moderngl.Framebuffer) -> None:
+        if self._follower.rendered_view is None:
+            framebuffer.clear()     # before the first frame
+            return
         self._renderer.present(framebuffer)
         if not self.actions.benchmark.running:
             self.actions.reference.present(framebuffer)

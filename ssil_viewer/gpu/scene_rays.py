@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -24,11 +26,69 @@ ADVICE = "give --unseen-samples 0 --visibility-rays 0 --no-shadow-rays"
 _FIELDS = ("position", "normal", "albedo", "emission")
 
 
-class SceneRays:
-    """Triangles and surfels of a scene, relative to `origin`, as they stand when this is made.
+@dataclass(frozen=True)
+class RayTables:
+    """What the textures of `SceneRays` hold. Made without OpenGL, so that another thread can do it: seconds for the
+    250,000 triangles of the built-in atrium.
 
-    Args:
-        surfels: Whether to make these, and the triangles' colours, which unseen light alone needs.
+    Attributes:
+        scene: Whose triangles these are, as they stood then.
+        surfels: None where unseen light is not asked for.
+        node_count, masked, has_surfels, extent, near: As of `SceneRays`.
+    """
+
+    scene: Scene
+    triangles: TriangleTables
+    surfels: Surfels | None
+
+    @property
+    def node_count(self) -> int:
+        return self.triangles.node_count
+
+    @property
+    def masked(self) -> bool:
+        return self.triangles.masked
+
+    @property
+    def has_surfels(self) -> bool:
+        return self.surfels is not None
+
+    @cached_property
+    def extent(self) -> float:
+        low, high = self.scene.bounds()
+        return float(np.linalg.norm(high - low))
+
+    @cached_property
+    def near(self) -> float:
+        if self.surfels is None or not len(self.surfels.area):
+            return 0.0
+        return NEAR_SPACINGS * math.sqrt(float(np.median(self.surfels.area)))
+
+    @staticmethod
+    def of(scene: Scene, origin: np.ndarray, surfels: bool) -> RayTables:
+        """The tables of a scene.
+
+        Args:
+            origin: (3,) the world position that shaders take for zero.
+            surfels: Whether to make these, and the triangles' colours, which unseen light alone needs.
+
+        Raises:
+            UserError: The triangles are too many, or there is no memory for them.
+        """
+        try:
+            check_triangle_count(scene)
+            spread = spread_surfels(scene, origin, SURFEL_SIDE**2) if surfels else None
+            colors = triangle_colors(scene) if surfels else None
+            return RayTables(scene, TriangleTables.of(scene, origin, colors), spread)
+        except UserError as error:
+            raise UserError(f"rays: {error.what}", error.where, ADVICE) from error
+        except MemoryError as error:
+            raise UserError("rays: the triangles that rays meet cannot be allocated (out of memory)", scene.name,
+                            ADVICE) from error
+
+
+class SceneRays:
+    """Triangles and surfels of a scene on the GPU, as they stood when their tables were made.
 
     Attributes:
         textures: By their names in shaders, without "texture_": `surfel_position` (the area in alpha), `surfel_normal`,
@@ -43,32 +103,23 @@ class SceneRays:
         UserError: They do not fit into memory; nothing is allocated then.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene, origin: np.ndarray, surfels: bool) -> None:
-        spread = None
+    def __init__(self, context: moderngl.Context, tables: RayTables) -> None:
         try:
-            check_triangle_count(scene)
-            with allocating(context, "the triangles that rays meet", scene.name, ADVICE):
-                if surfels:
-                    spread = spread_surfels(scene, origin, SURFEL_SIDE**2)
-                tables = TriangleTables.of(scene, origin, triangle_colors(scene) if surfels else None)
-            self._triangles = GpuTriangles(context, tables)
+            self._triangles = GpuTriangles(context, tables.triangles)
         except UserError as error:
             raise UserError(f"rays: {error.what}", error.where, ADVICE) from error
-        self.node_count, self.masked, self.has_surfels = self._triangles.node_count, self._triangles.masked, surfels
-        low, high = scene.bounds()
-        self.extent, self.near = float(np.linalg.norm(high - low)), 0.0
+        self.node_count, self.masked, self.has_surfels = tables.node_count, tables.masked, tables.has_surfels
+        self.extent, self.near = tables.extent, tables.near
         self._own: dict[str, moderngl.Texture] = {}
         try:
-            if spread is not None:
-                self._upload(context, scene, spread)
+            if tables.surfels is not None:
+                self._upload(context, tables.scene, tables.surfels)
         except BaseException:
             self.release()
             raise
         self.textures = self._own | self._triangles.textures
 
     def _upload(self, context: moderngl.Context, scene: Scene, surfels: Surfels) -> None:
-        if len(surfels.area):
-            self.near = NEAR_SPACINGS * math.sqrt(float(np.median(surfels.area)))
         with allocating(context, "the surfels of unseen light", scene.name, ADVICE):
             for name in _FIELDS:
                 texels = np.zeros((SURFEL_SIDE**2, 4), np.float32)

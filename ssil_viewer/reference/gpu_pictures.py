@@ -92,7 +92,7 @@ class ReferencePictures:
             mean: Of the reference over the image, W m^-2.
         """
         runner = self._renderer.runner
-        target = BUFFERS["indirect"].pick(runner.running_targets())
+        target = BUFFERS["indirect"].pick(runner.plan.running_targets)
         reads = (("ours", runner.declared[target].format), ("reference", "rgba32f"), ("surface", "surface"))
         variant = Variant("reference/error.glsl", reads, (), (("display", "rgba8"),), (
             ("first", "ivec2"), ("image_size", "ivec2"), ("block", "int"), ("mean", "float"), ("limit", "float"),

@@ -15,6 +15,7 @@ import pytest
 from ssil_viewer import compile_ahead
 from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.headless import read_all
+from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.settings import Settings
 from tests import scenes
@@ -23,10 +24,15 @@ from tests import scenes
 # then everything is in the cache on disk.
 _DRAW_ALL = """
 import sys
+from dataclasses import replace
+
+import numpy as np
+
 from ssil_viewer.compile_ahead import Ahead
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.passes import FRAME
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.load import load_scene
 from ssil_viewer.settings import Settings
@@ -34,7 +40,11 @@ from ssil_viewer.settings import Settings
 context = create_headless_context()
 scene = load_scene("builtin:glossy")
 size = int(sys.argv[1]), int(sys.argv[2])
-settings = Settings(shadow_rays=True, unseen_samples=1, visibility_rays=1) if sys.argv[4] == "rays" else Settings()
+settings = Settings()
+if "rays" in sys.argv[4]:   # so many that programs differ with the radius in texels
+    settings = Settings(shadow_rays=True, unseen_samples=1, visibility_rays=16)
+if "environment" in sys.argv[4]:
+    scene = replace(scene, environment=Environment("sky", np.ones((300, 600, 3), np.float32)))
 if sys.argv[3] == "ahead":
     ahead = Ahead(size, settings, ("final",), FRAME)
     ahead.told.put(scene)
@@ -48,9 +58,9 @@ context.finish()
 """
 
 
-def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead", rays: str = "") -> int:
+def _bytes_in_cache_after_drawing(size: tuple[int, int], cache: Path, how: str = "ahead", more: str = "") -> int:
     environment = os.environ | {"MESA_SHADER_CACHE_DIR": str(cache), "MESA_SHADER_CACHE_DISABLE": "false"}
-    command = [sys.executable, "-c", _DRAW_ALL, *map(str, size), how, rays]
+    command = [sys.executable, "-c", _DRAW_ALL, *map(str, size), how, more]
     subprocess.run(command, check=True, env=environment, timeout=120)
     return sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
 
@@ -69,13 +79,36 @@ def test_the_small_size_needs_the_programs_of_the_large_one(size, context, tmp_p
     assert _bytes_in_cache_after_drawing(size, tmp_path) == small
 
 
-@pytest.mark.parametrize("rays", ["", "rays"])
-def test_the_renderer_finds_every_program_there(context, tmp_path, rays):
+@pytest.mark.parametrize("more", ["", "rays", "rays, environment"])
+def test_the_renderer_finds_every_program_there(context, tmp_path, more):
     """Of materials and shadow maps, too, which are drawn from a scene with hardly any triangles and small textures."""
     _needs_llvmpipe(context)
     size = (320, 180)
-    ahead = _bytes_in_cache_after_drawing(compile_ahead.same_programs_size(size), tmp_path, rays=rays)
-    assert _bytes_in_cache_after_drawing(size, tmp_path, "renderer", rays) == ahead
+    ahead = _bytes_in_cache_after_drawing(size, tmp_path, "ahead", more)
+    assert _bytes_in_cache_after_drawing(size, tmp_path, "renderer", more) == ahead
+
+
+def test_known_programs_are_not_compiled_again(context, monkeypatch):
+    _needs_llvmpipe(context)
+    ahead = compile_ahead.Ahead((64, 36), Settings())
+    compiled, scene = [], scenes.cornell()
+    original = PassRunner._compile
+
+    def noted(self, variant):
+        compiled.append(variant)
+        return original(self, variant)
+
+    monkeypatch.setattr(PassRunner, "_compile", noted)
+    ahead.told.put(scene)
+    ahead.compile_on(context)
+    gathers = {variant for variant in compiled if variant.shader == "passes/gather.glsl"}
+    assert gathers and len(set(compiled)) > len(gathers)
+    known = frozenset(compiled) - gathers
+    compiled.clear()
+    ahead = compile_ahead.Ahead((64, 36), Settings(), known=known)
+    ahead.told.put(scene)
+    ahead.compile_on(context)
+    assert set(compiled) == gathers
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1, 1), (1, 4096), (3, 8192), (255, 255), (256, 256)])

@@ -16,7 +16,7 @@ LAYERS = (
     ("gpu", "buffers"),
     ("frame_uniforms",),
     ("passes",),
-    ("frame", "frame_check", "pass_runner", "scene_frame"),
+    ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
     ("pipeline", "compile_ahead"),
     ("headless", "embed"),
     ("reference",),

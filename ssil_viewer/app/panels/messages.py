@@ -38,14 +38,26 @@ def draw_toasts(state: AppState, bottom: float) -> None:
         imgui.end()
 
 
-def draw_loading(source: str, top: float) -> None:
-    """What is being loaded, at the top in the middle."""
-    display = imgui.get_io().display_size
-    dots = "." * (1 + int(time.monotonic() * 3) % _SPINNER_DOTS)
-    imgui.set_next_window_pos((display.x / 2, top), imgui.Cond_.always, (0.5, 0.0))
-    imgui.begin("##loading", None, _MESSAGE)
-    imgui.text(f"Loading {source} {dots:<{_SPINNER_DOTS}}")
-    imgui.end()
+def draw_work(state: AppState, free: float, top: float) -> None:
+    """What is being loaded or made, over the picture, at the top of the window in the middle or right of the panel.
+
+    Args:
+        free: Where the panel at the left ends, in window units.
+        top: Where the picture begins.
+    """
+    display, em, padding = imgui.get_io().display_size, imgui.get_font_size(), imgui.get_style().window_padding
+    dots = 1 + int(time.monotonic() * 3) % _SPINNER_DOTS
+    y = top + 0.6 * em
+    for text in (f"Loading {state.loading} " * bool(state.loading), f"{state.preparing} " * bool(state.preparing)):
+        if text:
+            needed = imgui.calc_text_size(text + _SPINNER_DOTS * ".")
+            width, height = needed.x + 2 * padding.x, needed.y + 2 * padding.y
+            imgui.set_next_window_pos((max((display.x - width) / 2, free + 0.6 * em), y))
+            imgui.set_next_window_size((width, height))
+            imgui.begin(f"##{text}", None, _BAR | imgui.WindowFlags_.no_inputs)
+            imgui.text(text + dots * ".")
+            imgui.end()
+            y += height + 0.3 * em
 
 
 def draw_shader_error(state: AppState) -> None:
@@ -91,7 +103,7 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
     seconds = state.frame_time
     rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 else "n/a"
     if state.resting:
-        rate = "at rest"
+        rate = "preparing" if state.preparing else "at rest"
     text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
     imgui.same_line()
     if imgui.calc_text_size(text).x < imgui.get_content_region_avail().x:
