@@ -176,10 +176,11 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         if (((d + 1) * ray_groups) / directions != (d * ray_groups) / directions)
             for (int r = 0; r < DRAWS; ++r) {
                 int kind = r % KINDS;
-                Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, random);
                 // What is near is not denoised, seen or hidden by horizons: a ledge lights what is above it, not what is below
-                bool is_near = near_field == 1 && distance(drawn[r].place, center) < near_end;
-                if (kind == SEEN_NEAR || kind == HIDDEN && is_near) missing_near = plus(missing_near, found);
+                bool is_near = kind == SEEN_NEAR
+                            || kind == HIDDEN && near_field == 1 && distance(drawn[r].place, center) < near_end;
+                Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, is_near ? MOST_NEAR : MOST, random, missing);
+                if (is_near) missing_near = plus(missing_near, found);
                 else missing = plus(missing, found);
                 drawn[r] = NOTHING_DRAWN;
             }

@@ -24,6 +24,8 @@ const int SEEN = 0, HIDDEN = 1, SEEN_NEAR = 2, KINDS = 3, DRAWS = KINDS * OF_ROW
 // A pixel may lie and face otherwise than its texel, so none gets too small a weight, and none brings more than so many
 // times what the sample was drawn for: few such would be seen as dots.
 const float BACK = 0.25, SLOPE = 0.2, MOST = 40.0;
+// What is near is not denoised: more than so many times would be a dot, and goes to what is.
+const float MOST_NEAR = 3.0;
 
 // In proportion to what a sample would bring if it is seen.
 float factor_to_draw(Receiver receiver, Sender sender, float texels) {
@@ -104,7 +106,8 @@ PixelDraw draw_pixel(ivec2 texel_at, inout uint random) {
 }
 
 // What is missing in the light of all samples that one was drawn from. counted: so far each counts as its texel brings.
-Incoming missing_light(Receiver receiver, Draw drawn, bool counted, inout uint random) {
+// most: times what it was drawn for, beyond which it goes to `rest`.
+Incoming missing_light(Receiver receiver, Draw drawn, bool counted, float most, inout uint random, inout Incoming rest) {
     Incoming missing = NO_LIGHT;
     if (drawn.weight <= 0.0) return missing;
     float share = drawn.total / drawn.weight;
@@ -122,8 +125,12 @@ Incoming missing_light(Receiver receiver, Draw drawn, bool counted, inout uint r
     if (!is_seen(sender)) return missing;
     float factor = pixel.share * form_factor(sender, disc_of_texel(sender, frame.ray_scale), drawn.texels);
     float cosine = abs(dot(receiver.normal, sender.offset)) * sender.inverse_distance;
-    factor = min(factor, MOST * drawn.weight / max(lobe_weight(pixel.radiance) * cosine, 1e-20));
-    if (factor > 0.0 && !is_blocked(ray_end(receiver.position), ray_end(sender.position)))
-        receive(receiver, sender, pixel.radiance * (share * factor), missing);
+    float expected = drawn.weight / max(lobe_weight(pixel.radiance) * cosine, 1e-20);
+    factor = min(factor, MOST * expected);
+    if (factor > 0.0 && !is_blocked(ray_end(receiver.position), ray_end(sender.position))) {
+        float usual = min(factor, most * expected);
+        receive(receiver, sender, pixel.radiance * (share * usual), missing);
+        receive(receiver, sender, pixel.radiance * (share * (factor - usual)), rest);
+    }
     return missing;
 }

@@ -33,6 +33,11 @@ CHANGES = {
 }
 
 
+def _of_first_frames(renderer) -> frozenset:
+    """What it has compiled, but for the programs of frames in which nothing moves: they come later."""
+    return frozenset(variant for variant in renderer.runner.variants if ("STILL", "") not in variant.defines)
+
+
 @pytest.mark.parametrize("environment", [False, True], ids=["", "environment"])
 def test_the_programs_are_those_that_the_frame_compiles(make_renderer, stage, environment):
     scene = load_scene("builtin:glossy")
@@ -51,7 +56,7 @@ def test_the_programs_are_those_that_the_frame_compiles(make_renderer, stage, en
         assert renderer.missing(settings) == foreseen
         for _ in range(2):
             renderer.render(default_camera(scene))
-        assert renderer.runner.variants - before == foreseen.programs, name
+        assert _of_first_frames(renderer) - before == foreseen.programs, name
         assert not renderer.missing(settings)
         if foreseen:
             compiling.add(name)
