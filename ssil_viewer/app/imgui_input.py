@@ -68,6 +68,17 @@ class ImguiInput:
         if button in _BUTTONS:
             self._io.add_mouse_button_event(_BUTTONS[button], down)
 
+    def is_over(self, x: float, y: float) -> bool:
+        """Whether the interface, as it was last drawn, takes the mouse at a place, in window units.
+
+        `want_capture_mouse` tells of where the mouse was then; after a slow frame it is elsewhere.
+        """
+        if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+            return True
+        windows = imgui.get_current_context().windows
+        return any(w.outer_rect_clipped.contains((x, y)) for w in windows
+                   if w.active and not w.hidden and not w.flags & imgui.WindowFlags_.no_mouse_inputs)
+
     def wheel(self, x: float, y: float) -> None:
         """The wheel turned."""
         self._io.add_mouse_wheel_event(x, y)

@@ -333,7 +333,7 @@ class Viewer:
         x, y = self._cursor
         self._input.move(x, y)
         self._input.button(button, True)
-        if imgui.get_io().want_capture_mouse:
+        if self._input.is_over(x, y):
             return
         self._drag = button
         if button != self._window.mouse.left:
@@ -353,7 +353,7 @@ class Viewer:
     def _on_wheel(self, x: float, y: float) -> None:
         self._pacer.event(time.perf_counter())
         self._input.wheel(x, y)
-        if not imgui.get_io().want_capture_mouse:
+        if not self._input.is_over(*self._cursor):
             self.state.camera.wheel(y)
 
     def _on_resize(self, width: int, height: int) -> None:

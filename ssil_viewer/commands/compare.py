@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Callable
 
 from ssil_viewer import output
-from ssil_viewer.commands import shared, values
+from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
 
@@ -113,10 +113,13 @@ def run(args: argparse.Namespace) -> None:
         print_tables(done)
     if target is not None:
         output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
+        measuring.say_written(target)
     if heat_map is not None and done.heat_map is not None:
         output.write_png(heat_map, done.heat_map)
+        measuring.say_written(heat_map)
     if pictures is not None:
         output.write_npz(pictures, done.pictures)
+        measuring.say_written(pictures)
 
 
 @contextmanager

@@ -125,7 +125,8 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
         "<main>", _summary(results), "<h3>Machine and settings</h3>", _list(head.items())]
     if not drawn and any(result.finding.charts for result in results):
         parts.append('<p class="soft">This report has no plots: they take matplotlib (pip install matplotlib).</p>')
-    parts += [_section(result, pictures, drawn) for result in results]
+    quick = " --quick" if str(head.get("effort", "")).startswith("quick") else ""
+    parts += [_section(result, pictures, drawn, quick) for result in results]
     parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file '
               "of its own beside this page.</p></footer>", "</body>", "</html>", ""]
     return "\n".join(parts)
@@ -139,7 +140,7 @@ def _summary(results: Sequence[Result]) -> str:
             f"<th>measured</th></tr></thead><tbody>{rows}</tbody></table></div>")
 
 
-def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, str]) -> str:
+def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, str], quick: str) -> str:
     claim, finding = result.claim, result.finding
     parts = [f'<section id="{escape(claim.id)}">', f"<h2>{escape(claim.id)}. {escape(claim.title)}</h2>",
              f'<p class="finding {_CLASSES[finding.verdict]}">{_verdict(result)}<span>: '
@@ -153,7 +154,8 @@ def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, 
             "</figcaption></figure>" for chart, svg in plots if svg), "</div>"]
     parts += [_figure(picture, _picture_name(result, picture), pictures) for picture in finding.pictures]
     parts += [f'<p class="soft">{_prose(note)}</p>' for note in finding.notes]
-    commands = (f"ssil-viewer reproduce -o report --claims {claim.id}", *claim.commands)
+    # Into a folder of its own: a report takes the place of the one that is there
+    commands = (f"ssil-viewer reproduce -o report-{claim.id} --claims {claim.id}{quick}", *claim.commands)
     parts += ["<h3>To see it again</h3>", *(f"<p><code>{escape(line)}</code></p>" for line in commands), "</section>"]
     return "\n".join(parts)
 

@@ -239,6 +239,21 @@ def test_a_drag_within_one_slow_frame_turns_the_camera(viewer):
     assert camera.forward @ forward == pytest.approx(np.cos(80 / window.height * np.pi), abs=1e-3)
 
 
+def test_a_press_goes_to_what_is_where_it_happens(viewer):
+    """Within one slow frame the mouse may come from the image to a panel and press there, or the other way around."""
+    camera, window, panel = viewer.state.camera, viewer.window, (60, 300)
+    for start, place, turns in ((IMAGE_POINT, panel, False), (panel, IMAGE_POINT, True)):
+        eye = camera.eye.copy()
+        viewer._on_move(*start, 0, 0)
+        turn(viewer)
+        viewer._on_move(*place, 0, 0)
+        viewer._on_press(*place, window.mouse.left)
+        viewer._on_move(place[0] + 30, place[1], 30, 0)
+        viewer._on_release(place[0] + 30, place[1], window.mouse.left)
+        assert (np.linalg.norm(camera.eye - eye) > 0.01) == turns
+        turn(viewer)
+
+
 def test_a_double_click_looks_at_the_surface_under_the_cursor(viewer):
     camera = viewer.state.camera
     eye = camera.eye.copy()

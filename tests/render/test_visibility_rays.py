@@ -164,3 +164,15 @@ def test_near_light_that_horizons_hide_stays_where_it_is(make_renderer):
     truth = visible_sum(renderer, camera, scene, rows, columns)
     assert light[lit].mean() == pytest.approx(truth.mean(), rel=0.13)     # 0.84 where it was denoised
     assert light[dark].mean() < 0.02 * light[lit].mean()
+
+
+def test_walls_that_meet_have_no_dots_along_their_edges(make_renderer, stage):
+    """Near light is not denoised: a rare bright ray must not stand out of it."""
+    renderer = make_renderer(scenes.cornell(), (320, 180), stage, **FINE, visibility_rays=4, seed=1)
+    render_frames(renderer, scenes.CORNELL_CAMERA, 8)
+    light, depth = mean(renderer), renderer.read("view_depth")
+    wall = (renderer.read("normal")[..., 2] > 0.9) & (depth > 0.97 * depth.max())
+    inside = np.lib.stride_tricks.sliding_window_view(wall, (5, 5)).all((2, 3))
+    around = np.lib.stride_tricks.sliding_window_view(light, (5, 5))[inside]
+    assert inside.sum() > 4000
+    assert (light[2:-2, 2:-2][inside] / np.median(around, axis=(1, 2))).max() < 1.3

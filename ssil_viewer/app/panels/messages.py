@@ -101,7 +101,7 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
         imgui.same_line(0.0, 2 * imgui.get_font_size())
         imgui.text_colored(theme.ACCENT, state.no_indirect)
     seconds = state.frame_time
-    rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.0f} fps" if seconds > 0.0 else "n/a"
+    rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.{0 if seconds < 0.1 else 1}f} fps" if seconds > 0.0 else "n/a"
     if state.resting:
         rate = "preparing" if state.preparing else "at rest"
     text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
