@@ -17,7 +17,8 @@ _PANEL = (4.4, 3.4)     # inches
 def require() -> None:
     """Raises UserError where matplotlib is missing: before anything is measured."""
     if importlib.util.find_spec("matplotlib") is None:
-        raise UserError("plots need matplotlib", "--plots", "pip install matplotlib, or the extra 'plots'")
+        raise UserError("plots need matplotlib", "--plots",
+                        "install it with pip install matplotlib, or with the extra 'plots'")
 
 
 def write(path: Path, report: dict[str, Any]) -> None:
