@@ -32,6 +32,7 @@ class ImguiInput:
 
     def __init__(self, window: Any, handle: Any) -> None:
         self._io = imgui.get_io()
+        self._released: list[int] = []      # buttons of whose release imgui hears later
         self._window = window
         self._keys = {getattr(window.keys, name): getattr(imgui.Key, imgui_name)
                       for name, imgui_name in _NAMES.items() if hasattr(window.keys, name)}
@@ -41,6 +42,8 @@ class ImguiInput:
 
     def begin_frame(self, seconds: float) -> None:
         """Sizes and time of the frame that starts."""
+        if not imgui.get_current_context().input_events_queue:
+            self._release()
         width, height = self._window.size
         pixels = self._window.buffer_size
         self._io.display_size = (width, height)
@@ -65,8 +68,19 @@ class ImguiInput:
 
     def button(self, button: int, down: bool) -> None:
         """A mouse button of moderngl-window's numbering went down or up."""
-        if button in _BUTTONS:
-            self._io.add_mouse_button_event(_BUTTONS[button], down)
+        if button not in _BUTTONS:
+            return
+        if down:
+            self._release()
+            self._io.add_mouse_button_event(_BUTTONS[button], True)
+        else:
+            # imgui would take a move and the release after it in one frame, and a slider would not follow the move
+            self._released.append(_BUTTONS[button])
+
+    def _release(self) -> None:
+        for button in self._released:
+            self._io.add_mouse_button_event(button, False)
+        self._released.clear()
 
     def is_over(self, x: float, y: float) -> bool:
         """Whether the interface, as it was last drawn, takes the mouse at a place, in window units.
