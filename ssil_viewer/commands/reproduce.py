@@ -66,7 +66,15 @@ def run(args: argparse.Namespace) -> None:
 
 def _claims_alone(show: Callable[[str, float, float], None]) -> Callable[[str, float, float], None]:
     """Of what is done, the claim that it is for: a line each will do in a pipe."""
-    return lambda what, done, total: show(f"{what.partition(':')[0]} ({int(done) + 1} of {int(total)})", done, total)
+    begun: list[str] = []
+
+    def tell(what: str, done: float, total: float) -> None:
+        name = what.partition(":")[0]
+        if name not in begun:
+            begun.append(name)
+        show(f"{name} ({begun.index(name) + 1} of {int(total)})", done, total)
+
+    return tell
 
 
 def _head(args: argparse.Namespace, size: tuple[int, int], machine: dict[str, Any]) -> dict[str, Any]:

@@ -30,7 +30,8 @@ def test_the_command(tmp_path):
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert [line.split()[0] for line in lines] == ["C3", "C6", "C9"]
-    assert done.stderr.splitlines() == ["C3 ...", "C6 ...", "C9 ...", f"wrote {tmp_path / 'out' / 'index.html'}"]
+    assert done.stderr.splitlines() == ["C3 (1 of 3) ...", "C6 (2 of 3) ...", "C9 (3 of 3) ...",
+                                         f"wrote {tmp_path / 'out' / 'index.html'}"]
     data = json.loads((tmp_path / "out" / "data.json").read_text())
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"index.html", "data.json", *data["files"]}
     assert (data["head"]["size"], data["head"]["seed"]) == ("160x90", 0)
