@@ -142,10 +142,9 @@ def _stored_texel(format_name: str, value: str, software: bool) -> str:
     """GLSL of the texel to store, in `_stored_format`, for a decoded value."""
     form, bits = FORMATS[format_name], FORMATS[_stored_format(format_name, software)]
     encoded = form.store.format(value) if bits is form else f"encode_rgba8({value})"
-    if not bits.image.startswith("u"):
-        return {1: f"vec4({encoded})", 2: f"vec4({encoded}, 0, 0)", 4: encoded}[bits.components]
-    encoded = {1: f"uvec4({encoded})", 2: f"uvec4({encoded}, 0, 0)", 4: encoded}[bits.components]
-    return f"max({encoded}, unknown_zero())" if software else encoded
+    kind = "uvec4" if bits.image.startswith("u") else "vec4"
+    texel = {1: f"{kind}({encoded})", 2: f"{kind}({encoded}, 0, 0)", 4: encoded}[bits.components]
+    return f"max({texel}, unknown_zero())" if software and kind == "uvec4" else texel
 
 
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:

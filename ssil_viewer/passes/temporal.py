@@ -47,7 +47,7 @@ class Temporal(ScreenPass):
         settings = frame.settings
         defines, omit = [], set()
         if frame.still and frame.software_form:
-            # What one place of the last frame tells need not be looked for. A GPU would spare next to nothing
+            # Where each pixel was is known. By a branch software OpenGL would spare nothing: it takes both sides
             defines.append(("STILL", ""))
             omit |= {"motion", "previous_surface"}
         if averages_reflections(settings):
