@@ -167,8 +167,8 @@ def test_near_light_that_horizons_hide_stays_where_it_is(make_renderer):
 
 
 def test_walls_that_meet_have_no_dots_along_their_edges(make_renderer, stage):
-    """Near light is not denoised: a rare bright ray must not stand out of it. Over three seeds the
-    brightest pixel was 1.08 to 1.16 times what is around it, and 1.4 to 2 times with all of such a ray left as it is."""
+    """Near light is not denoised: a rare bright ray must not stand out of it. Over three seeds the brightest
+    pixel was 1.08 to 1.16 times what is around it, and 1.4 to 2 times with all of such a ray left as it is."""
     renderer = make_renderer(scenes.cornell(), (320, 180), stage, **FINE, visibility_rays=4, seed=1)
     render_frames(renderer, scenes.CORNELL_CAMERA, 8)
     light, depth = mean(renderer), renderer.read("view_depth")
