@@ -80,6 +80,9 @@ class FramePlan:
                 level = self.settings.start_level
             else:
                 level = 0 if read.offset is None or "@" in target else dispatch.level + read.offset
+            if name in dispatch.unread:
+                levels = self.declared[target].levels(self.settings)
+                level = min(max(level, levels[0]), levels[-1])
             found[name] = target, level
         return found
 

@@ -270,7 +270,8 @@ class PassRunner:
         """Run a screen pass's shader once; `tables` are textures that are not targets, by GLSL name."""
         variant, inputs, outputs = self.bind(screen_pass, dispatch)
         if self._traffic is not None:   # one texture may go by two names
-            self.count_bytes([*{texture.glo: texture for texture in inputs.values()}.values(), *outputs.values()])
+            read = {texture.glo: texture for name, texture in inputs.items() if name not in dispatch.unread}
+            self.count_bytes([*read.values(), *outputs.values()])
         barrier = ANY_USE
         if self.gpu_compute:
             barrier = 0 if dispatch.alone else SAMPLING

@@ -49,6 +49,8 @@ class Dispatch:
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
         parts: Threads of a GPU that share the work of one texel, where compute shaders run; see `Variant`.
         levels: So many are written at once, from `level` on, where compute shaders run on a GPU (`Frame.gpu_compute`).
+        unread: GLSL names of reads that the shader, told by a uniform, does without; any level of the target is bound.
+            So the program is that of other runs: a GPU takes some 3 microseconds to fetch another.
         alone: The next run neither reads nor writes what is written here, nor writes what is read here, so that it may
             begin before this one has ended.
     """
@@ -60,6 +62,7 @@ class Dispatch:
     targets: dict[str, str] = field(default_factory=dict)
     parts: int = 1
     levels: int = 1
+    unread: frozenset[str] = frozenset()
     alone: bool = False
 
 

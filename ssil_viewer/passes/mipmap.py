@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
 
 
-_LEVELS_AT_ONCE = 4     # a group of 8x8 threads ends with one texel
+_LEVELS_AT_ONCE = 5     # a group of 16x16 threads ends with one texel
 
 
 class Mipmap(ScreenPass):
@@ -32,7 +32,7 @@ class Mipmap(ScreenPass):
     extends = ("surface",)
     writes = {"winner": Target("index8", "which of its four finer texels a texel kept, x + 2 y, and in the "
                                       "upper six bits the share of its footprint that lies on that surface", "coarse")}
-    uniforms = {"texel": "float"}
+    uniforms = {"texel": "float", "finer_is_voted": "bool"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -41,9 +41,13 @@ class Mipmap(ScreenPass):
         chosen = switch("MIP_FILTER", frame.settings.mip_filter, ("vote", "nearest", "average"))
         voted = frame.settings.mip_filter == "vote"
         for level in range(1, frame.settings.last_level + 1):
-            omit = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
             # texel: width of a texel that is read, in level-0 pixels
-            yield Dispatch(level, {"texel": float(2 ** (level - 1))}, (chosen,), omit)
+            uniforms = {"texel": float(2 ** (level - 1)), "finer_is_voted": level > 1}
+            missing = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
+            if voted and frame.gpu_compute:
+                yield Dispatch(level, uniforms, (chosen,), unread=missing)
+            else:
+                yield Dispatch(level, uniforms, (chosen,), missing)
 
 
 class MipmapRadiance(ScreenPass):

@@ -1,0 +1,142 @@
+// The vote of a block of four texels for the surface that the texel of the next level has (docs/method/mipmap.md).
+
+// Distance to the tangent plane at which a neighbour counts a quarter, relative to the view depth: of all lengths in
+// here, so that the scene's scale does not matter.
+const float REACH = 0.15;
+
+// A block of four texels. at: its first one. last: the last one of its level. scale: size of a texel on the plane z = 1.
+struct Block {
+    ivec2 at, last;
+    vec2 scale;
+};
+
+// A texel that votes.
+struct Voter {
+    vec3 normal, position;
+    float votes;            // 0: background
+};
+
+// A block's four texels, component by component, so that one voter is compared with all at once.
+struct Candidates {
+    vec4 normal_x, normal_y, normal_z;
+    vec4 x, y, depth;       // depth 0: background
+    vec4 offset;            // of the tangent plane: dot(normal, position)
+    vec4 nearness;          // 1 / (REACH * view depth)
+};
+
+// In words instead of a loop: compilers for GPUs may keep one whose body is long, and then the array that it reads in memory.
+#define FOR_VOTERS(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
+
+// Place of a voter relative to the block's first texel: the four, then one beyond each side, (0, -1), (2, 0), (1, 2) and
+// (-1, 1). So windows of neighbouring blocks overlap, and what moves from one to the next fades over instead of jumping; and all
+// texels have as many votes, as each is beyond a side of just one other block. By shifts, since compilers keep tables in memory,
+// too.
+ivec2 voter_place(int j) { return ((ivec2(0x2D99, 0xB4A5) >> (2 * j)) & 3) - 1; }
+
+// Share of its own footprint that a finer texel's surface has. So the largest surface of the whole footprint wins, not
+// the largest of the last few texels, and a near tie is rare.
+float load_votes(ivec2 at) {
+#ifdef HAS_FINER_WINNER
+    if (finer_is_voted) return float(load_finer_winner(at) >> 2u) * (1.0 / 63.0);
+#endif
+    return 1.0;
+}
+
+Voter load_voter(Block block, int j) {
+    ivec2 place = block.at + voter_place(j), at = clamp(place, ivec2(0), block.last);
+    Surface s = load_surface(at);
+    float votes = load_votes(at);
+    // A texel beyond the edge of an odd level does not exist: it counts as background, not as a copy
+    if (j < 4 && any(greaterThan(place, block.last))) s.view_depth = 0.0;
+    vec2 ray = ray_from_pixel(vec2(at) + 0.5, block.scale, frame.ray_origin);
+    return Voter(s.normal, position_from_ray(ray, s.view_depth), s.view_depth > 0.0 ? votes : 0.0);
+}
+
+Candidates candidates_of(Voter a, Voter b, Voter c, Voter d) {
+    vec4 normal_x = vec4(a.normal.x, b.normal.x, c.normal.x, d.normal.x);
+    vec4 normal_y = vec4(a.normal.y, b.normal.y, c.normal.y, d.normal.y);
+    vec4 normal_z = vec4(a.normal.z, b.normal.z, c.normal.z, d.normal.z);
+    vec4 x = vec4(a.position.x, b.position.x, c.position.x, d.position.x);
+    vec4 y = vec4(a.position.y, b.position.y, c.position.y, d.position.y);
+    vec4 depth = -vec4(a.position.z, b.position.z, c.position.z, d.position.z);
+    return Candidates(normal_x, normal_y, normal_z, x, y, depth, normal_x * x + normal_y * y - normal_z * depth,
+                      1.0 / (REACH * max(depth, 1e-30)));
+}
+
+// All candidates face as the first one does, to 11 degrees, and lie on its plane, to 0.3 % of the view depth: those who vote for
+// one vote for all, so that it does not matter which is taken. True of three blocks in four; a GPU skips the count there.
+bool on_one_surface(Candidates a) {
+    vec4 facing = a.normal_x * a.normal_x.x + a.normal_y * a.normal_y.x + a.normal_z * a.normal_z.x;
+    vec4 off_plane = abs(a.x * a.normal_x.x + a.y * a.normal_y.x - a.depth * a.normal_z.x - a.offset.x) * a.nearness;
+    return all(greaterThan(facing, vec4(0.98))) && all(lessThan(off_plane, vec4(0.02)));
+}
+
+// How far a voter lies on a surface, s = f^1.25 / (1 + u)^2: f is the agreement of normals, u the distance to the tangent plane.
+// Mild, since bumps of one surface should average out. The power of the cosine is a trade: lower is steadier, and rounds the
+// corners off that light one another.
+float lying_on(vec3 normal, float offset, float nearness, Voter v) {
+    float facing = max(dot(normal, v.normal), 0.0), far = 1.0 + abs(dot(normal, v.position) - offset) * nearness;
+    return facing * inversesqrt(inversesqrt(max(facing, 1e-30))) / (far * far);
+}
+
+// How much a voter supports the candidates: s^4, as f (f / (1 + u)^2)^4.
+vec4 support(Candidates a, Voter v) {
+    vec4 facing = max(a.normal_x * v.normal.x + a.normal_y * v.normal.y + a.normal_z * v.normal.z, 0.0);
+    vec4 off_plane = abs(a.normal_x * v.position.x - a.offset + a.normal_y * v.position.y + a.normal_z * v.position.z);
+    vec4 near = 1.0 / (1.0 + off_plane * a.nearness), once = facing * (near * near), twice = once * once;
+    return v.votes * facing * (twice * twice);
+}
+
+// Which candidate wins. Equal but for rounding: the first one stays. score: negative for background.
+int winner_of(vec4 score) {
+    int winner = score.y > score.x * 1.0001 ? 1 : 0;
+    float best = winner == 1 ? score.y : score.x;
+    if (score.z > best * 1.0001) {
+        winner = 2;
+        best = score.z;
+    }
+    return score.w > best * 1.0001 ? 3 : winner;
+}
+
+// The surface of the texel above the block, and the winner: which of the four, x + 2 y, and in the upper six bits the share of
+// the footprint that lies on its surface.
+void vote(Block block, out Surface surface, out uint winner) {
+    Voter voters[8];
+#define LOAD(j) voters[j] = load_voter(block, j);
+    FOR_VOTERS(LOAD)
+    Candidates candidates = candidates_of(voters[0], voters[1], voters[2], voters[3]);
+    vec4 score = vec4(0.0);
+    if (!on_one_surface(candidates)) {
+#define COUNT(j) score += support(candidates, voters[j]);
+        FOR_VOTERS(COUNT)
+    }
+    bvec4 exists = greaterThan(candidates.depth, vec4(0.0));
+    int chosen = winner_of(mix(vec4(-1.0), score, exists));
+
+    // The winner's surface is kept as all texels that lie on it have it: their mean normal, and their mean depth after
+    // each slid along its own tangent plane to the centre of this texel, but never out of the depths that the block has.
+    // Other surfaces have no weight there, so nothing is invented between them. Without sliding, a slanted
+    // surface moves by half a texel at each level, to the same side, since equal scores go to the first.
+    vec4 only = vec4(equal(ivec4(chosen), ivec4(0, 1, 2, 3)));
+    vec3 its_normal = vec3(dot(candidates.normal_x, only), dot(candidates.normal_y, only), dot(candidates.normal_z, only));
+    float its_offset = dot(candidates.offset, only), its_nearness = dot(candidates.nearness, only);
+    vec2 nearest_two = min(mix(vec2(1e30), candidates.depth.xy, exists.xy), mix(vec2(1e30), candidates.depth.zw, exists.zw));
+    vec2 farthest_two = max(candidates.depth.xy, candidates.depth.zw);
+    float nearest = min(nearest_two.x, nearest_two.y), farthest = max(farthest_two.x, farthest_two.y);
+    vec3 center = vec3(ray_from_pixel(vec2(block.at) + 1.0, block.scale, frame.ray_origin), -1.0);
+    float total = 0.0, depth = 0.0;
+    vec3 normal = vec3(0.0);
+#define JOIN(j) { \
+        Voter v = voters[j]; \
+        float share = v.votes * lying_on(its_normal, its_offset, its_nearness, v); \
+        total += share; \
+        depth += share * clamp(dot(v.normal, v.position) / min(dot(v.normal, center), -1e-4), nearest, farthest); \
+        normal += share * v.normal; \
+    }
+    FOR_VOTERS(JOIN)
+    float squared = dot(normal, normal);
+    // The share of a lone texel ends as 0: it stays as it is
+    surface = total > 0.0 && squared > 0.0 ? Surface(depth / total, normal * inversesqrt(squared))
+                                           : Surface(dot(candidates.depth, only), its_normal);
+    winner = uint(chosen) | (uint(clamp(total * 0.125, 0.0, 1.0) * 63.0 + 0.5) << 2);
+}
