@@ -1,5 +1,5 @@
 // One level of radiance from the finer one. NEAREST: the first texel of each block, as the surfaces do then.
-// LEVELS_AT_ONCE: also as many more as a group's 8x8 texels have.
+// LEVELS_AT_ONCE: also as many more as a group's texels have.
 
 #ifdef LEVELS_AT_ONCE
 shared uint tile[GROUP_THREADS];    // as a target stores it, so that levels are the same whether made at once or one by one
@@ -45,6 +45,9 @@ void shade(ivec2 px) {
 #endif
 #if LEVELS_AT_ONCE > 3
     if (make_coarser(px, 3, radiance)) store_radiance_3(px >> 3, radiance);
+#endif
+#if LEVELS_AT_ONCE > 4
+    if (make_coarser(px, 4, radiance)) store_radiance_4(px >> 4, radiance);
 #endif
 #endif
 }

@@ -122,7 +122,7 @@ void shade(ivec2 px) {
 #endif
     if (receiver.view_depth <= 0.0) light = NO_LIGHT;
 #ifdef HAS_COARSE
-    else light = plus(light, from_coarser(px, receiver, plane));
+    else if (!is_coarsest) light = plus(light, from_coarser(px, receiver, plane));
 #endif
 #ifdef IMAGE_LEVEL
     vec3 irradiance = light.irradiance;

@@ -6,7 +6,6 @@ size from `size_NAME()`, and assigns the variables `out_NAME`. Everything else i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,7 +20,7 @@ Stage = Literal["compute", "fragment"]
 FLOAT_TABLE = "float_table"
 """Type of a table of four floats a texel that shaders read by FLOAT_TEXEL(texture_NAME, at) alone, and hand over to
 functions as FLOAT_TABLE."""
-GROUP = 8, 8    # threads of a compute group in x and y: 64 threads suit the waves of all makers
+GROUP = 8, 8    # threads of a compute group in x and y, mostly: 64 threads suit the waves of all makers
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
@@ -80,11 +79,12 @@ def _declare_image(access: str, name: str, format_name: str, unit: int) -> str:
     return f"layout({form.layout}, binding = {unit}) {access} uniform {form.image} {name};"
 
 
-def declare_reads(variant: Variant, images: dict[str, int] | None = None) -> list[str]:
+def declare_reads(variant: Variant, images: dict[str, int] | None = None, told_sizes: bool = False) -> list[str]:
     """GLSL of the inputs: samplers, `load_NAME`, `size_NAME`, uniforms, defines.
 
     Args:
         images: Name -> image unit, of the reads that go through an image instead of the sampler.
+        told_sizes: Sizes are uniforms, `read_size_NAME`: a GPU would wait for its texture units to tell them.
     """
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
@@ -94,6 +94,9 @@ def declare_reads(variant: Variant, images: dict[str, int] | None = None) -> lis
         if images and name in images:
             lines.append(_declare_image("readonly", f"input_{name}", format_name, images[name]))
             fetch, size = f"imageLoad(input_{name}, px)", f"imageSize(input_{name})"
+        if told_sizes:
+            size = f"read_size_{name}"
+            lines.append(f"uniform ivec2 {size};")
         lines += [f"#define HAS_{name.upper()}", f"uniform {form.sampler} texture_{name};",
                   f"{form.glsl} load_{name}(ivec2 px) {{ return {form.load.format(fetch)}; }}",
                   f"ivec2 size_{name}() {{ return {size}; }}"]
@@ -149,6 +152,7 @@ def _stored_texel(format_name: str, value: str, software: bool) -> str:
 
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
     for_gpu = stage == "compute" and not software
+    width, height = _group(variant, software)
     assert variant.parts == variant.levels == 1 or for_gpu and 1 in (variant.parts, variant.levels), variant
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
@@ -167,8 +171,7 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 declarations.append(f"{form.glsl} out_{name};")
                 stores.append(store)
         head = ["#version 430 core",
-                "layout(local_size_x = {}, local_size_y = {}, local_size_z = {}) in;".format(*_group(software),
-                                                                                             variant.parts),
+                f"layout(local_size_x = {width}, local_size_y = {height}, local_size_z = {variant.parts}) in;",
                 "#define COMPUTE"]
         if for_gpu:
             head.append("#define GPU")
@@ -177,17 +180,17 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 "    if (any(greaterThanEqual(px, output_size))) return;",
                 "    shade(px);", *("    " + s for s in stores), "}"]
     if variant.levels > 1:
-        head += [f"#define LEVELS_AT_ONCE {variant.levels}", f"#define GROUP_THREADS {math.prod(_group(software))}"]
+        head += [f"#define LEVELS_AT_ONCE {variant.levels}", f"#define GROUP_THREADS {width * height}"]
         main = ["void main() {", "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    shade(px);",
                 *("    " + s for s in stores), "}"]
     elif variant.parts > 1:
-        head += [f"#define PARTS {variant.parts}", f"#define GROUP_THREADS {math.prod(_group(software))}", "int part;"]
+        head += [f"#define PARTS {variant.parts}", f"#define GROUP_THREADS {width * height}", "int part;"]
         # All threads of a group meet at its barriers, those outside of the image, too; nothing is stored there
         # (OpenGL 4.6, 8.26)
         main = ["uniform ivec2 output_size;", "void main() {",
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    part = int(gl_LocalInvocationID.z);",
                 "    shade(min(px, output_size - 1));", "    if (part > 0) return;", *("    " + s for s in stores), "}"]
-    body = [*head, *declare_reads(variant, images), *declarations, glsl_block(block, "frame")]
+    body = [*head, *declare_reads(variant, images, for_gpu), *declarations, glsl_block(block, "frame")]
     if stage == "compute" and software:
         body += _copied_uniforms(variant, block)
         # llvmpipe stores one pixel of a vector at a time, and LLVM would encode each by itself there. It does not move
@@ -201,8 +204,10 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
 
-def _group(software: bool) -> tuple[int, int]:
-    return SOFTWARE_GROUP if software else GROUP
+def _group(variant: Variant, software: bool) -> tuple[int, int]:
+    if software:
+        return SOFTWARE_GROUP
+    return max(GROUP, (2 ** (variant.levels - 1),) * 2)     # the last level gets a texel
 
 
 def _image_units(variant: Variant, units: int) -> dict[str, int]:
@@ -230,7 +235,7 @@ class ScreenProgram:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
-        self._group = _group(software)
+        self._group = _group(variant, software)
         # Image unit of each input that is read through one: outputs have the first ones
         self._images: dict[str, int] = {}
         if self._compute and software:
@@ -256,6 +261,7 @@ class ScreenProgram:
         # Output -> format by which its image is bound, where that is not its own; both have as many bits
         self._bound_as = {name: _R32UI for name, form, _ in variant.level_writes()
                           if _stored_format(form, self._compute and software) == "bits32" != form}
+        self._reads = [name for name, _ in variant.reads if f"read_size_{name}" in self._program]
         self._values: dict[str, object] = {}
 
     @property
@@ -281,7 +287,8 @@ class ScreenProgram:
                 bound[unit] = texture.glo
         size = outputs[self._writes[0]].size
         if self._compute:
-            uniforms = {**uniforms, "output_size": size}
+            uniforms = {**uniforms, "output_size": size,
+                        **{f"read_size_{name}": inputs[name].size for name in self._reads}}
         for name, value in uniforms.items():
             if name in self._program and self._values.get(name) != value:
                 self._program[name].value = value

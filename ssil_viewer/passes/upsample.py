@@ -38,7 +38,7 @@ class Upsample(ScreenPass):
               **{f"upsample_{bounce}": Target("rgb9e5", f"irradiance of bounce {bounce} in this frame alone, W m^-2",
                                               exists=at_least(bounce)) for bounce in range(2, MOST_BOUNCES + 1)}}
     per_bounce = True
-    uniforms = {"texel": "float", "window": "int"}
+    uniforms = {"texel": "float", "window": "int", "is_coarsest": "bool"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -51,13 +51,15 @@ class Upsample(ScreenPass):
             omit = {f"upsample_{bounce}" for bounce in range(2, MOST_BOUNCES + 1)}
             omit.add("light" if level == 0 else "upsample")
             defines = [chosen, ("IMAGE_LEVEL", "")] if level == 0 else [chosen]
-            if level == last:
-                omit |= {"coarse", "coarse_surface"}
+            missing = frozenset({"coarse", "coarse_surface"} if level == last else ())
+            if not frame.gpu_compute:
+                omit |= missing
             if level < frame.settings.start_level:
                 omit |= {"gather", "near"}
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
             # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
-            yield Dispatch(level, {"texel": float(2**level), "window": 5}, tuple(defines), frozenset(omit),
-                           {"upsample": irradiance_of(frame.bounce)},
-                           parts=PARTS if denoises and level > frame.settings.start_level else 1)
+            yield Dispatch(level, {"texel": float(2**level), "window": 5, "is_coarsest": level == last}, tuple(defines),
+                           frozenset(omit), {"upsample": irradiance_of(frame.bounce)},
+                           parts=PARTS if denoises and level > frame.settings.start_level else 1,
+                           unread=missing - omit)
