@@ -131,4 +131,5 @@ def test_what_cannot_be_is_one_line(tmp_path):
         done = run(tmp_path, *words)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
         assert message in done.stderr
+    assert "Pareto front of 1 candidates" in done.stdout     # the last one's, which did measure
     assert not list(tmp_path.iterdir())
