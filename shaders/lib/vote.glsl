@@ -27,11 +27,15 @@ struct Candidates {
 // In words instead of a loop: compilers for GPUs may keep one whose body is long, and then the array that it reads in memory.
 #define FOR_VOTERS(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
 
-// Place of a voter relative to the block's first texel: the four, then one beyond each side, (0, -1), (2, 0), (1, 2) and
-// (-1, 1). So windows of neighbouring blocks overlap, and what moves from one to the next fades over instead of jumping; and all
-// texels have as many votes, as each is beyond a side of just one other block. By shifts, since compilers keep tables in memory,
-// too.
-ivec2 voter_place(int j) { return ((ivec2(0x2D99, 0xB4A5) >> (2 * j)) & 3) - 1; }
+// Place of a voter relative to the block's first texel: the four, then one beyond each side, (0, -1), (2, 0), (1, 2) and (-1, 1),
+// a pinwheel, which turns the other way at every other level. So windows of neighbouring blocks overlap, and what moves from one
+// to the next fades over instead of jumping; and all texels have as many votes, as each is beyond a side of just one other block.
+// By shifts, since compilers keep tables in memory, too.
+ivec2 voter_place(int j) {
+    ivec2 place = ((ivec2(0x2D99, 0xB4A5) >> (2 * j)) & 3) - 1;
+    if (j > 3 && turns_back) place.x = 1 - place.x;
+    return place;
+}
 
 // Share of its own footprint that a finer texel's surface has. So the largest surface of the whole footprint wins, not
 // the largest of the last few texels, and a near tie is rare.
@@ -71,15 +75,15 @@ bool on_one_surface(Candidates a) {
     return all(greaterThan(facing, vec4(0.98))) && all(lessThan(off_plane, vec4(0.02)));
 }
 
-// How far a voter lies on a surface, s = f^1.25 / (1 + u)^2: f is the agreement of normals, u the distance to the tangent plane.
+// The agreement f of normals and the distance u to the tangent plane say how far a voter lies on a surface: f^1.5 / (1 + u)^2.
 // Mild, since bumps of one surface should average out. The power of the cosine is a trade: lower is steadier, and rounds the
 // corners off that light one another.
 float lying_on(vec3 normal, float offset, float nearness, Voter v) {
     float facing = max(dot(normal, v.normal), 0.0), far = 1.0 + abs(dot(normal, v.position) - offset) * nearness;
-    return facing * inversesqrt(inversesqrt(max(facing, 1e-30))) / (far * far);
+    return facing * sqrt(facing) / (far * far);
 }
 
-// How much a voter supports the candidates: s^4, as f (f / (1 + u)^2)^4.
+// How much a voter supports the candidates: f^5 / (1 + u)^8.
 vec4 support(Candidates a, Voter v) {
     vec4 facing = max(a.normal_x * v.normal.x + a.normal_y * v.normal.y + a.normal_z * v.normal.z, 0.0);
     vec4 off_plane = abs(a.normal_x * v.position.x - a.offset + a.normal_y * v.position.y + a.normal_z * v.position.z);
