@@ -71,6 +71,7 @@ class FramePlan:
 
     def reads(self, screen_pass: ScreenPass, dispatch: Dispatch) -> dict[str, tuple[str, int]]:
         """Target and level that a dispatch reads, by GLSL name; `NAME@previous` is last frame's."""
+        assert self.gpu_compute or not dispatch.unread, dispatch
         found = {}
         for name, read in screen_pass.reads.items():
             if name in dispatch.omit:

@@ -1,7 +1,9 @@
 // The vote of a block of four texels for the surface that the texel of the next level has (docs/method/mipmap.md).
+// Needs the targets `surface` and, but for the image's own level, `finer_winner`; uniforms `finer_is_voted`: that is there;
+// `mirrored`: see `voter_place`.
 
-// Distance to the tangent plane at which a neighbour counts a quarter, relative to the view depth: of all lengths in
-// here, so that the scene's scale does not matter.
+// Distance to the tangent plane at which a texel counts a quarter in the mean and 1/256 in the vote. Relative to the view depth,
+// so that the scene's scale does not matter.
 const float REACH = 0.15;
 
 // A block of four texels. at: its first one. last: the last one of its level. scale: size of a texel on the plane z = 1.
@@ -24,16 +26,16 @@ struct Candidates {
     vec4 nearness;          // 1 / (REACH * view depth)
 };
 
-// In words instead of a loop: compilers for GPUs may keep one whose body is long, and then the array that it reads in memory.
+// Written out instead of a loop: compilers for GPUs may keep one whose body is long, and then the array that it reads in memory.
 #define FOR_VOTERS(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
 
 // Place of a voter relative to the block's first texel: the four, then one beyond each side, (0, -1), (2, 0), (1, 2) and (-1, 1),
 // a pinwheel, which turns the other way at every other level. So windows of neighbouring blocks overlap, and what moves from one
 // to the next fades over instead of jumping; and all texels have as many votes, as each is beyond a side of just one other block.
-// By shifts, since compilers keep tables in memory, too.
+// Beyond the image lie copies of the texels at its edge. By shifts, since compilers keep tables in memory, too.
 ivec2 voter_place(int j) {
     ivec2 place = ((ivec2(0x2D99, 0xB4A5) >> (2 * j)) & 3) - 1;
-    if (j > 3 && turns_back) place.x = 1 - place.x;
+    if (j > 3 && mirrored) place.x = 1 - place.x;
     return place;
 }
 
@@ -50,7 +52,7 @@ Voter load_voter(Block block, int j) {
     ivec2 place = block.at + voter_place(j), at = clamp(place, ivec2(0), block.last);
     Surface s = load_surface(at);
     float votes = load_votes(at);
-    // A texel beyond the edge of an odd level does not exist: it counts as background, not as a copy
+    // Of the block itself a texel beyond the edge of an odd level does not exist: it counts as background, not as a copy
     if (j < 4 && any(greaterThan(place, block.last))) s.view_depth = 0.0;
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, block.scale, frame.ray_origin);
     return Voter(s.normal, position_from_ray(ray, s.view_depth), s.view_depth > 0.0 ? votes : 0.0);
@@ -75,7 +77,7 @@ bool on_one_surface(Candidates a) {
     return all(greaterThan(facing, vec4(0.98))) && all(lessThan(off_plane, vec4(0.02)));
 }
 
-// The agreement f of normals and the distance u to the tangent plane say how far a voter lies on a surface: f^1.5 / (1 + u)^2.
+// The agreement f of normals and the distance u to the tangent plane say how much a voter lies on a surface: f^1.5 / (1 + u)^2.
 // Mild, since bumps of one surface should average out. The power of the cosine is a trade: lower is steadier, and rounds the
 // corners off that light one another.
 float lying_on(vec3 normal, float offset, float nearness, Voter v) {
@@ -91,15 +93,30 @@ vec4 support(Candidates a, Voter v) {
     return v.votes * facing * (twice * twice);
 }
 
-// Which candidate wins. Equal but for rounding: the first one stays. score: negative for background.
+// What a score must be above to win over another: equal but for rounding, the first one stays.
+float better_than(float score) { return score + 1e-4 * abs(score); }
+
+// Which candidate wins. score: negative for background.
 int winner_of(vec4 score) {
-    int winner = score.y > score.x * 1.0001 ? 1 : 0;
+    int winner = score.y > better_than(score.x) ? 1 : 0;
     float best = winner == 1 ? score.y : score.x;
-    if (score.z > best * 1.0001) {
+    if (score.z > better_than(best)) {
         winner = 2;
         best = score.z;
     }
-    return score.w > best * 1.0001 ? 3 : winner;
+    return score.w > better_than(best) ? 3 : winner;
+}
+
+// What voters add up to.
+struct Mean {
+    vec3 normal;
+    float depth, total;
+};
+
+void join(inout Mean mean, Voter v, float share, vec3 center, float nearest, float farthest) {
+    mean.total += share;
+    mean.depth += share * clamp(dot(v.normal, v.position) / min(dot(v.normal, center), -1e-4), nearest, farthest);
+    mean.normal += share * v.normal;
 }
 
 // The surface of the texel above the block, and the winner: which of the four, x + 2 y, and in the upper six bits the share of
@@ -128,19 +145,13 @@ void vote(Block block, out Surface surface, out uint winner) {
     vec2 farthest_two = max(candidates.depth.xy, candidates.depth.zw);
     float nearest = min(nearest_two.x, nearest_two.y), farthest = max(farthest_two.x, farthest_two.y);
     vec3 center = vec3(ray_from_pixel(vec2(block.at) + 1.0, block.scale, frame.ray_origin), -1.0);
-    float total = 0.0, depth = 0.0;
-    vec3 normal = vec3(0.0);
-#define JOIN(j) { \
-        Voter v = voters[j]; \
-        float share = v.votes * lying_on(its_normal, its_offset, its_nearness, v); \
-        total += share; \
-        depth += share * clamp(dot(v.normal, v.position) / min(dot(v.normal, center), -1e-4), nearest, farthest); \
-        normal += share * v.normal; \
-    }
+    Mean mean = Mean(vec3(0.0), 0.0, 0.0);
+#define SHARE(j) voters[j].votes * lying_on(its_normal, its_offset, its_nearness, voters[j])
+#define JOIN(j) join(mean, voters[j], SHARE(j), center, nearest, farthest);
     FOR_VOTERS(JOIN)
-    float squared = dot(normal, normal);
+    float squared = dot(mean.normal, mean.normal);
     // The share of a lone texel ends as 0: it stays as it is
-    surface = total > 0.0 && squared > 0.0 ? Surface(depth / total, normal * inversesqrt(squared))
-                                           : Surface(dot(candidates.depth, only), its_normal);
-    winner = uint(chosen) | (uint(clamp(total * 0.125, 0.0, 1.0) * 63.0 + 0.5) << 2);
+    surface = mean.total > 0.0 && squared > 0.0 ? Surface(mean.depth / mean.total, mean.normal * inversesqrt(squared))
+                                                : Surface(dot(candidates.depth, only), its_normal);
+    winner = uint(chosen) | (uint(clamp(mean.total * 0.125, 0.0, 1.0) * 63.0 + 0.5) << 2);
 }

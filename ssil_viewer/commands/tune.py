@@ -45,7 +45,6 @@ def run(args: argparse.Namespace) -> None:
         raise UserError("without a bounce there is no indirect light to tune", "--bounces", "give 1 or more")
 
     from ssil_viewer.measure import tables, tune
-    from ssil_viewer.measure.bench import describe
 
     pinned = {name: getattr(settings, name) for name in tune.TUNED
               if name in {info.name for info in knobs() if hasattr(args, info.name)}}
@@ -53,17 +52,13 @@ def run(args: argparse.Namespace) -> None:
         camera = measuring.open_scene(args, renderer)
         with measuring.progress_bar() as show:
             tried = tune.tune(renderer, camera, args.ms, pinned, args.frames, show)
-        try:
-            chosen = tune.best(tried, args.ms)
-        except UserError:
-            # What else there is took minutes to measure
-            measuring.print_tables(tables.heading(describe(renderer)), [tune.front_table(tried, None, args.ms)], [],
-                                   to_stderr=args.json == "-")
-            raise
+        chosen = tune.best(tried, args.ms)
         report = tune.report(renderer, tried, chosen, args.ms)
     measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)],
-                           ["* is the least error within the budget."], to_stderr=args.json == "-")
+                           ["* is the least error within the budget."] if chosen else [], to_stderr=args.json == "-")
     measuring.write_files(files, {"json": lambda: tables.to_json(report)})
+    if chosen is None:
+        raise tune.nothing_within(tried, args.ms)
     text = _preset(report, chosen)
     if target is not None:
         output.write_text(target, text)

@@ -261,7 +261,7 @@ class ScreenProgram:
         # Output -> format by which its image is bound, where that is not its own; both have as many bits
         self._bound_as = {name: _R32UI for name, form, _ in variant.level_writes()
                           if _stored_format(form, self._compute and software) == "bits32" != form}
-        self._reads = [name for name, _ in variant.reads if f"read_size_{name}" in self._program]
+        self._told_sizes = [name for name, _ in variant.reads if f"read_size_{name}" in self._program]
         self._values: dict[str, object] = {}
 
     @property
@@ -288,7 +288,7 @@ class ScreenProgram:
         size = outputs[self._writes[0]].size
         if self._compute:
             uniforms = {**uniforms, "output_size": size,
-                        **{f"read_size_{name}": inputs[name].size for name in self._reads}}
+                        **{f"read_size_{name}": inputs[name].size for name in self._told_sizes}}
         for name, value in uniforms.items():
             if name in self._program and self._values.get(name) != value:
                 self._program[name].value = value

@@ -172,19 +172,18 @@ def pareto_front(tried: Sequence[Candidate]) -> list[Candidate]:
     return front
 
 
-def best(tried: Sequence[Candidate], budget_ms: float) -> Candidate:
-    """The least error within the budget.
-
-    Raises:
-        UserError: Nothing is that fast; says what is.
-    """
+def best(tried: Sequence[Candidate], budget_ms: float) -> Candidate | None:
+    """The least error within the budget; None where nothing is that fast."""
     within = [candidate for candidate in tried if candidate.ms <= budget_ms]
-    if not within:
-        fastest = min(tried, key=lambda found: found.ms)
-        raise UserError(f"nothing stays within {budget_ms:g} ms here", "--ms",
-                        f"the fastest, {row_name(fastest.settings)}, takes {fastest.ms:.3g} ms; give more, or a "
-                        "smaller --size")
-    return min(within, key=lambda found: (found.error, found.ms))
+    return min(within, key=lambda found: (found.error, found.ms), default=None)
+
+
+def nothing_within(tried: Sequence[Candidate], budget_ms: float) -> UserError:
+    """What to say where `best` finds nothing: what is the fastest."""
+    fastest = min(tried, key=lambda found: found.ms)
+    return UserError(f"nothing stays within {budget_ms:g} ms here", "--ms",
+                     f"the fastest, {row_name(fastest.settings)}, takes {fastest.ms:.3g} ms; give more, or a "
+                     "smaller --size")
 
 
 def front_table(tried: Sequence[Candidate], chosen: Candidate | None, budget_ms: float) -> Table:
@@ -197,10 +196,12 @@ def front_table(tried: Sequence[Candidate], chosen: Candidate | None, budget_ms:
                   "upsampling & compositing", "error", f"within {budget_ms:g} ms"), rows)
 
 
-def report(renderer: Renderer, tried: Sequence[Candidate], chosen: Candidate, budget_ms: float) -> dict[str, Any]:
-    """Everything as JSON has it."""
+def report(renderer: Renderer, tried: Sequence[Candidate], chosen: Candidate | None, budget_ms: float
+           ) -> dict[str, Any]:
+    """Everything as JSON has it; `settings` is null where nothing was chosen."""
     front = pareto_front(tried)
-    return {**describe(renderer), "budget_ms": budget_ms, "settings": changed_settings(chosen.settings),
+    return {**describe(renderer), "budget_ms": budget_ms,
+            "settings": changed_settings(chosen.settings) if chosen else None,
             "candidates": [{**{name: getattr(one.settings, name) for name in (*TUNED, "visibility")},
                             "total_ms": one.ms, **{f"{name}_ms": one.groups[name] for name in TALK},
                             "relative_rmse": one.error, "on_front": one in front, "chosen": one is chosen}

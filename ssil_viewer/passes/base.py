@@ -49,8 +49,9 @@ class Dispatch:
         targets: GLSL name -> target that is read or written instead of the declared one, at the same level.
         parts: Threads of a GPU that share the work of one texel, where compute shaders run; see `Variant`.
         levels: So many are written at once, from `level` on, where compute shaders run on a GPU (`Frame.gpu_compute`).
-        unread: GLSL names of reads that the shader, told by a uniform, does without; any level of the target is bound.
-            So the program is that of other runs: a GPU takes some 3 microseconds to fetch another.
+        unread: GLSL names of reads that the shader, told by a uniform, does without; any level of the target is bound,
+            even one that is written. For compute shaders on a GPU, which takes some 3 microseconds to fetch another
+            program: so it is that of other runs.
         alone: The next run neither reads nor writes what is written here, nor writes what is read here, so that it may
             begin before this one has ended.
     """

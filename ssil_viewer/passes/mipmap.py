@@ -32,7 +32,7 @@ class Mipmap(ScreenPass):
     extends = ("surface",)
     writes = {"winner": Target("index8", "which of its four finer texels a texel kept, x + 2 y, and in the "
                                       "upper six bits the share of its footprint that lies on that surface", "coarse")}
-    uniforms = {"texel": "float", "finer_is_voted": "bool", "turns_back": "bool"}
+    uniforms = {"texel": "float", "finer_is_voted": "bool", "mirrored": "bool"}
 
     def enabled(self, settings: Settings) -> bool:
         return settings.bounces > 0
@@ -42,8 +42,9 @@ class Mipmap(ScreenPass):
         voted = frame.settings.mip_filter == "vote"
         for level in range(1, frame.settings.last_level + 1):
             # texel: width of a texel that is read, in level-0 pixels
-            uniforms = {"texel": float(2 ** (level - 1)), "finer_is_voted": level > 1, "turns_back": level % 2 == 0}
-            missing = frozenset() if voted and level > 1 else frozenset({"finer_winner"})
+            finer_is_voted = voted and level > 1
+            uniforms = {"texel": float(2 ** (level - 1)), "finer_is_voted": finer_is_voted, "mirrored": level % 2 == 0}
+            missing = frozenset() if finer_is_voted else frozenset({"finer_winner"})
             if voted and frame.gpu_compute:
                 yield Dispatch(level, uniforms, (chosen,), unread=missing)
             else:

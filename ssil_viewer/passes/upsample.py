@@ -52,7 +52,7 @@ class Upsample(ScreenPass):
             omit.add("light" if level == 0 else "upsample")
             defines = [chosen, ("IMAGE_LEVEL", "")] if level == 0 else [chosen]
             missing = frozenset({"coarse", "coarse_surface"} if level == last else ())
-            if level == 0 or not frame.gpu_compute:     # level 0 has a program of its own in any case
+            if level <= frame.settings.start_level or not frame.gpu_compute:    # no other level has its program
                 omit |= missing
             if level < frame.settings.start_level:
                 omit |= {"gather", "near"}
