@@ -70,7 +70,7 @@ Candidates candidates_of(Voter a, Voter b, Voter c, Voter d) {
 }
 
 // All candidates face as the first one does, to 11 degrees, and lie on its plane, to 0.3 % of the view depth: those who vote for
-// one vote for all, so that it does not matter which is taken. True of three blocks in four; a GPU skips the count there.
+// one vote for all, so that it does not matter which is taken. A GPU skips the count where that is true of whole groups.
 bool on_one_surface(Candidates a) {
     vec4 facing = a.normal_x * a.normal_x.x + a.normal_y * a.normal_y.x + a.normal_z * a.normal_z.x;
     vec4 off_plane = abs(a.x * a.normal_x.x + a.y * a.normal_y.x - a.depth * a.normal_z.x - a.offset.x) * a.nearness;

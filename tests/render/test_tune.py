@@ -123,6 +123,14 @@ def test_the_command_writes_a_preset_that_can_be_read(tmp_path):
     assert report["clock"] in first and report["clock"] in done.stdout
 
 
+def test_what_was_measured_is_written_where_nothing_stays_within_the_budget(tmp_path):
+    done = run(tmp_path, "--ms", "1e-6", "--start-level", "2", "--levels", "3", "--samples", "1", "--frames", "1",
+               "--json", "a.json")
+    report = json.loads((tmp_path / "a.json").read_text())
+    assert done.returncode == 2 and report["settings"] is None
+    assert [one["chosen"] for one in report["candidates"]] == [False] and report["candidates"][0]["total_ms"] > 0
+
+
 def test_what_cannot_be_is_one_line(tmp_path):
     for words, message in ((["--ms", "0"], "--ms, give milliseconds"), (["--ms", "x"], "--ms"), ([], "--ms is missing"),
                            (["--ms", "4", "-o", "a.json"], "ends in .toml"),
