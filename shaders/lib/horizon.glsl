@@ -1,20 +1,19 @@
 // Which elevations around a receiver are blocked, as bits, in one half-plane of directions (Therrien et al. 2023).
 //
 // A row of samples that leads straight away from the receiver in the image lies in a plane with the camera. In its half
-// on the row's side a direction is told by its angle to the direction of the camera, from 0 to where the receiver's own
-// surface begins; 32 bits divide that range evenly.
+// on the row's side a direction is told by its elevation, from the direction of the camera to where the receiver's own surface
+// begins; 32 bits divide that range evenly. It is measured along a diamond instead of a circle: as good for telling which of two
+// directions is higher, for a division instead of roots and an arc cosine.
 
 struct HalfPlane {
-    vec3 to_camera;
-    float distance;         // of the receiver from the camera
-    float inverse_span;     // of the angles above the receiver's surface, radians
+    vec3 to_camera, outward;    // unit vectors that span it
+    float distance;             // of the receiver from the camera
+    float inverse_span;         // of the elevations above the receiver's surface
 };
 
-// Within 1e-4 radians (Abramowitz and Stegun 4.4.45).
-float fast_acos(float x) {
-    float a = min(abs(x), 1.0);
-    float y = sqrt(1.0 - a) * (1.5707288 + a * (-0.2121144 + a * (0.0742610 - 0.0187293 * a)));
-    return x < 0.0 ? 3.14159265 - y : y;
+// Along the diamond |outward| + |towards| = 1, outward not negative: 0 in the camera's direction, 1 across, 2 away from it.
+float along_diamond(float outward, float towards) {
+    return 1.0 - towards / max(outward + abs(towards), 1e-30);
 }
 
 // position, normal: of the receiver, view space. along: the row's direction in the image, view space.
@@ -23,15 +22,18 @@ HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
     vec3 to_camera = -position * inverse_distance;
     vec3 outward = along - to_camera * dot(along, to_camera);
     outward *= inversesqrt(max(dot(outward, outward), 1e-30));
-    float up = dot(normal, to_camera), out_part = dot(normal, outward);
-    float span = fast_acos(-out_part * inversesqrt(max(up * up + out_part * out_part, 1e-30)));
-    return HalfPlane(to_camera, squared * inverse_distance, 1.0 / max(span, 1e-3));
+    float span = along_diamond(abs(dot(normal, to_camera)), -dot(normal, outward));
+    return HalfPlane(to_camera, outward, squared * inverse_distance, 1.0 / max(span, 1e-3));
 }
 
-// Elevation of what lies so far towards the camera from the receiver. 0: in the camera's direction, 1: along the receiver's
-// surface, more: below it. inverse_length: of the whole offset.
-float elevation(HalfPlane half_plane, float towards, float inverse_length) {
-    return fast_acos(towards * inverse_length) * half_plane.inverse_span;
+// Where something is in the half-plane: how far outward and how far towards the camera from the receiver.
+vec2 in_half_plane(HalfPlane half_plane, vec3 offset) {
+    return vec2(dot(offset, half_plane.outward), dot(offset, half_plane.to_camera));
+}
+
+// 0: in the camera's direction, 1: along the receiver's surface, more: below it.
+float elevation(HalfPlane half_plane, vec2 place) {
+    return along_diamond(place.x, place.y) * half_plane.inverse_span;
 }
 
 // Bits of the elevations from `low` to `high`. Rounded at both ends, so that narrow sectors add up without bias.
@@ -40,14 +42,12 @@ uint sector(float low, float high) {
     return count <= 0 ? 0u : (0xFFFFFFFFu >> uint(32 - count)) << uint(first);
 }
 
-// Elevations that a surface hides whose visible side is at `front`, and which reaches back from the camera by `thickness`, a
-// share of its distance. towards: as of `elevation`. squared: of the length of its offset. The back is where the offset
-// grown by the share, and that share of the way from camera to receiver, lead; two numbers are enough for its angle.
-uint hidden_by(HalfPlane half_plane, float front, float towards, float squared, float thickness) {
-    float grown = 1.0 + thickness, pushed = thickness * half_plane.distance;
-    float back = grown * towards - pushed;
-    float back_squared = grown * (grown * squared - 2.0 * pushed * towards) + pushed * pushed;
-    return sector(front, elevation(half_plane, back, inversesqrt(max(back_squared, 1e-30))));
+// Elevations that a surface at `place` hides whose visible side is at `front`, and which reaches back from the camera by
+// `thickness`, a share of its distance: as far out as the view ray leads it by then, and as far back as it is longer than the way
+// from the camera to the receiver.
+uint hidden_by(HalfPlane half_plane, float front, vec2 place, float thickness) {
+    vec2 back = place * (1.0 + thickness) - vec2(0.0, thickness * half_plane.distance);
+    return sector(front, elevation(half_plane, back));
 }
 
 // Whether what is seen at an elevation hides behind the blocked ones. Below the surface nothing is known to block.

@@ -108,10 +108,9 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
         if (!is_on_screen(at, size_blockers())) break;
         Surface surface = load_blockers(at);
         vec3 offset = position_on_plane(surface, at, place, scale) - receiver.position;
-        float squared = dot(offset, offset), towards = dot(offset, half_plane.to_camera);
-        if (surface.view_depth <= 0.0 || squared <= 0.0) continue;
-        float front = elevation(half_plane, towards, inversesqrt(squared));
-        blocked |= hidden_by(half_plane, front, towards, squared, frame.thickness);
+        if (surface.view_depth <= 0.0) continue;
+        vec2 in_plane = in_half_plane(half_plane, offset);
+        blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
     }
     return blocked;
 }
@@ -153,12 +152,12 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             if (at == receiver.px) continue;
             Sender sender = look_at_place(receiver, at, at_place);
             if (!is_seen(sender)) continue;
-            float towards = dot(sender.offset, half_plane.to_camera);
-            float front = elevation(half_plane, towards, sender.inverse_distance);
+            vec2 in_plane = in_half_plane(half_plane, sender.offset);
+            float front = elevation(half_plane, in_plane);
             // This order lets CPUs do most at once
             vec3 radiance = load_radiance(at);
             float factor = form_factor(sender, strip * place.y);
-            uint hidden = hidden_by(half_plane, front, towards, sender.distance_squared, frame.thickness);
+            uint hidden = hidden_by(half_plane, front, in_plane, frame.thickness);
             bool is_hidden = sees_blocked(blocked, front, NEARER);
 #ifdef VISIBILITY_RAYS
             float weight = draw_weight(receiver, sender, radiance, strip * place.y);

@@ -102,14 +102,14 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             // receiver's own surface would seem to rise above itself
             HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
                                                    vec3(vec2(at - receiver.px) * scale, 0.0));
-            float towards = dot(sender.offset, half_plane.to_camera);
-            float front = elevation(half_plane, towards, sender.inverse_distance);
+            vec2 in_plane = in_half_plane(half_plane, sender.offset);
+            float front = elevation(half_plane, in_plane);
             if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
                             * ring_weight(place.x);
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
-            blocked |= hidden_by(half_plane, front, towards, sender.distance_squared, frame.thickness);
+            blocked |= hidden_by(half_plane, front, in_plane, frame.thickness);
         }
     }
     return sum;
