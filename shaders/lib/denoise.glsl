@@ -1,5 +1,5 @@
 // Values whose noise differs in each of 4x4 texels, without it: a cross-bilateral window that sees each of the 16 once, whatever
-// its phase. Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, 25.
+// its phase. Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, its rows: 5.
 #include "lib/bilateral.glsl"
 
 vec3 without_noise(ivec2 px, Surface receiver) {
@@ -9,14 +9,17 @@ vec3 without_noise(ivec2 px, Surface receiver) {
     Slant slanted = slant(receiver.normal, px, scale);
     vec3 sum = vec3(0.0);
     float total = 0.0;
-    for (int i = 0; i < window; ++i) {
-        ivec2 offset = ivec2(i % 5, i / 5) - 2;
-        ivec2 at = clamp(px + offset, ivec2(0), last);
-        Surface tap = load_surface(at);
-        float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                     * agreement(plane, slanted, tap, vec2(at - px));
-        sum += load_noisy(at) * weight;
-        total += weight;
-    }
+    int row = 0;
+    do {
+        int y = clamp(px.y + row - 2, 0, last.y);
+        for (int x = -2; x <= 2; ++x) {
+            ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+            Surface tap = load_surface(at);
+            float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+                         * agreement(plane, slanted, tap, vec2(at - px));
+            sum += load_noisy(at) * weight;
+            total += weight;
+        }
+    } while (++row < window);
     return total > 0.0 ? sum / total : load_noisy(px);
 }

@@ -182,7 +182,8 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
     if (light.first_tile < 0) return 1.0;
     float part = area_size(light) / (AREA_PI * float(light.shadow_points));
     float lit = 0.0, total = 0.0;
-    for (int i = 0; i < light.shadow_points; ++i) {
+    int i = 0;
+    do {
         int tile = light.first_tile + AREA_TILES * i;
         vec4 point = texelFetch(tiles, ivec2(6, tile), 0);     // w: world distance between such points
         vec3 to_point = point.xyz - position;
@@ -218,7 +219,7 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         plane_slope(view, moved, faces ? triangle : n, texel, slope);
         lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
         total += weight;
-    }
+    } while (++i < light.shadow_points);
     return total > 0.0 ? lit / total : 1.0;
 }
 

@@ -70,6 +70,20 @@ bool misses_box(vec3 low, vec3 high, vec3 from, vec3 inverse, float most) {
     return enter > min(min(farther.x, farther.y), min(farther.z, most));
 }
 
+// The first triangle of the next leaf whose box a ray enters, from `node` on, which becomes the one after it; negative: there is
+// none. A loop of its own: rays that go together find their leaves, and then meet their triangles, at the same time
+// (Aila and Laine 2009, "while-while").
+int next_leaf(FLOAT_TABLE nodes, int node_count, vec3 from, vec3 inverse, float most, inout int node) {
+    int triangle = -1;
+    do {
+        vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
+        bool missed = misses_box(low.xyz, high.xyz, from, inverse, most);
+        node = missed ? int(low.w) : node + 1;
+        if (!missed) triangle = int(high.w);
+    } while (triangle < 0 && node < node_count);
+    return triangle;
+}
+
 // Whether a triangle lies between two points. Space: that of the triangles.
 bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #ifdef MASKED
@@ -79,15 +93,10 @@ bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
     vec3 along = to - from;
     vec3 inverse = inverse_of(along);
     int node = 0;
-    while (node < node_count) {
-        vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
-        if (misses_box(low.xyz, high.xyz, from, inverse, 1.0)) {
-            node = int(low.w);
-            continue;
-        }
-        node += 1;
-        if (high.w < 0.0) continue;
-        for (int triangle = int(high.w); ; ++triangle) {
+    do {
+        int triangle = next_leaf(nodes, node_count, from, inverse, 1.0, node);
+        if (triangle < 0) break;
+        for (; ; ++triangle) {
             vec4 corner = fetch_row_major(triangles, triangle * 3);
             vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
             vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
@@ -99,7 +108,7 @@ bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #endif
             if (edge_u.w > 0.0) break;      // the last one of its leaf
         }
-    }
+    } while (node < node_count);
     return false;
 }
 
@@ -118,15 +127,10 @@ Met nearest_triangle(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
     vec3 inverse = inverse_of(along);
     Met nearest = Met(1.0, -1, vec3(0.0));
     int node = 0;
-    while (node < node_count) {
-        vec4 low = fetch_row_major(nodes, node * 2), high = fetch_row_major(nodes, node * 2 + 1);
-        if (misses_box(low.xyz, high.xyz, from, inverse, nearest.at)) {
-            node = int(low.w);
-            continue;
-        }
-        node += 1;
-        if (high.w < 0.0) continue;
-        for (int triangle = int(high.w); ; ++triangle) {
+    do {
+        int triangle = next_leaf(nodes, node_count, from, inverse, nearest.at, node);
+        if (triangle < 0) break;
+        for (; ; ++triangle) {
             vec4 corner = fetch_row_major(triangles, triangle * 3);
             vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
             vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
@@ -137,6 +141,6 @@ Met nearest_triangle(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
             if (hit) nearest = Met(met.x, triangle, cross(edge_u.xyz, edge_v.xyz));
             if (edge_u.w > 0.0) break;      // the last one of its leaf
         }
-    }
+    } while (node < node_count);
     return nearest;
 }

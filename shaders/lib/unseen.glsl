@@ -12,22 +12,24 @@ const float PI = 3.141592653589793;
 
 vec3 direct_irradiance(vec3 position, vec3 n) {
     vec3 irradiance = vec3(0.0);
-    for (int i = 0; i < punctual_lights; ++i) {
+    int i = 0;
+    if (punctual_lights > 0) do {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
         if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0)
             irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, n, wi));
-    }
+    } while (++i < punctual_lights);
 #ifdef AREA_LIGHTS
-    for (int i = punctual_lights; i < frame.light_count; ++i) {
+    i = punctual_lights;
+    if (i < frame.light_count) do {
         AreaLight light = fetch_area_light(texture_lights, i);
         float gathered = area_irradiance(light, position, n);
         if (gathered > 0.0)
             irradiance += light.radiance
                         * (gathered * area_shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, n));
-    }
+    } while (++i < frame.light_count);
 #endif
     return irradiance;
 }

@@ -71,7 +71,7 @@ bool voxels_block(usampler2D grid, usampler2D far_grid, Slicing slicing, VoxelEn
     vec2 stride = vec2(way) * unit, center = vec2(start.px) + 0.5;
     float i = floor(first + 0.5);
     int slice = int(floor(zero - log2(start.inverse_depth + change * first) * slicing.per_octave));
-    while (i - 0.5 < last) {
+    if (i - 0.5 < last) do {
         int ahead = int(floor(zero - log2(start.inverse_depth + change * min(i + 0.5, last)) * slicing.per_octave));
         int low = min(slice, ahead), high = max(slice, ahead);
         ivec2 at = ivec2(center + stride * i);
@@ -82,6 +82,6 @@ bool voxels_block(usampler2D grid, usampler2D far_grid, Slicing slicing, VoxelEn
         if ((hit.x | hit.y | hit.z | hit.w) != 0u) return true;
         slice = ahead;
         i += 1.0;
-    }
+    } while (i - 0.5 < last);
     return false;
 }

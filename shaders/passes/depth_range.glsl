@@ -17,11 +17,12 @@ void shade(ivec2 px) {
 #endif
     vec2 range = vec2(1e38, 0.0);
     // side, 8, is a uniform so that compilers keep the loop
-    for (int i = 0; i < side * side; ++i) {
+    int i = 0;
+    do {
         ivec2 at = min(px * side + ivec2(i % side, i / side), size - 1);
         vec2 r = range_at(at);
         range = vec2(min(range.x, r.x), max(range.y, r.y));
-    }
+    } while (++i < side * side);
 #ifdef LAST
     // A wall across the view has one depth, but slices need a thickness
     range = range.y > 0.0 ? range * vec2(0.99, 1.01) : vec2(1.0, 2.0);

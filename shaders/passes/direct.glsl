@@ -76,7 +76,8 @@ void shade(ivec2 px) {
     uint traced = load_traced(px);
 #endif
     vec3 irradiance = vec3(0.0), highlight = vec3(0.0);
-    for (int i = 0; i < punctual_lights; ++i) {
+    int i = 0;
+    if (punctual_lights > 0) do {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
@@ -93,9 +94,10 @@ void shade(ivec2 px) {
             irradiance += incoming;
             highlight += incoming * brdf_ggx(specular.rgb, specular.a, n, wo, wi);
         }
-    }
+    } while (++i < punctual_lights);
 #ifdef AREA_LIGHTS
-    for (int i = punctual_lights; i < frame.light_count; ++i) {
+    i = punctual_lights;
+    if (i < frame.light_count) do {
         AreaLight light = fetch_area_light(texture_lights, i);
         float gathered = area_irradiance(light, position, n);
         if (gathered <= 0.0) continue;
@@ -104,7 +106,7 @@ void shade(ivec2 px) {
         irradiance += seen * gathered;
         highlight += seen * area_highlight(specular.rgb, specular.a, n, wo, normalize(to_point), gathered,
                                            area_extent(light, to_point));
-    }
+    } while (++i < frame.light_count);
 #endif
 #ifdef HAS_SKY
     vec3 normal = environment_direction(n, frame.environment_turn);

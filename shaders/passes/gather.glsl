@@ -97,7 +97,8 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
     vec2 center = (vec2(receiver.px) + 0.5) * (texel / first_texel);
     uint blocked = 0u;
     float from = 0.0, to = frame.radius;
-    for (int i = 0, step = 0; i < blocking_steps; ++i, ++step) {
+    int i = 0, step = 0;
+    if (blocking_steps > 0) do {
         if (step == octave_steps) {
             step = 0;
             from = to;
@@ -111,7 +112,7 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
         if (surface.view_depth <= 0.0) continue;
         vec2 in_plane = in_half_plane(half_plane, offset);
         blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
-    }
+    } while (++step, ++i < blocking_steps);
     return blocked;
 }
 
@@ -138,39 +139,47 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
     Draw drawn[DRAWS];
     for (int r = 0; r < DRAWS; ++r) drawn[r] = NOTHING_DRAWN;
 #endif
-    for (int d = part; d < directions; d += PARTS) {
+    int d = part;
+    if (d < directions) do {
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
         uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
-        Incoming before = light, so_far = light;
-        for (int i = 0; i < steps; ++i) {
-            bool is_near = i < near_steps;
-            vec2 place = is_near ? ring_place(near_ring, float(i) + shift) : ring_place(ring, float(i - near_steps) + shift);
-            vec2 at_place = center + direction * place.x;
-            ivec2 at = ivec2(floor(at_place));
-            if (!is_on_screen(at, size_surface())) break;
-            if (at == receiver.px) continue;
-            Sender sender = look_at_place(receiver, at, at_place);
-            if (!is_seen(sender)) continue;
-            vec2 in_plane = in_half_plane(half_plane, sender.offset);
-            float front = elevation(half_plane, in_plane);
-            // This order lets CPUs do most at once
-            vec3 radiance = load_radiance(at);
-            float factor = form_factor(sender, strip * place.y);
-            uint hidden = hidden_by(half_plane, front, in_plane, frame.thickness);
-            bool is_hidden = sees_blocked(blocked, front, NEARER);
+        // First what is near, where there is such a part, then the rest: one loop's body for both, since compilers may unroll the
+        // two, and CPUs work through all that is behind a branch
+        int field = 1 - near_field;
+        do {
+            bool is_near = field == 0;
+            Ring part_ring = is_near ? near_ring : ring;
+            int count = is_near ? near_steps : steps - near_steps;
+            Incoming sum = NO_LIGHT;
+            int i = 0;
+            if (count > 0) do {
+                vec2 place = ring_place(part_ring, float(i) + shift);
+                vec2 at_place = center + direction * place.x;
+                ivec2 at = ivec2(floor(at_place));
+                if (!is_on_screen(at, size_surface())) break;
+                if (at == receiver.px) continue;
+                Sender sender = look_at_place(receiver, at, at_place);
+                if (!is_seen(sender)) continue;
+                vec2 in_plane = in_half_plane(half_plane, sender.offset);
+                float front = elevation(half_plane, in_plane);
+                // This order lets CPUs do most at once
+                vec3 radiance = load_radiance(at);
+                float factor = form_factor(sender, strip * place.y);
+                uint hidden = hidden_by(half_plane, front, in_plane, frame.thickness);
+                bool is_hidden = sees_blocked(blocked, front, NEARER);
 #ifdef VISIBILITY_RAYS
-            float weight = draw_weight(receiver, sender, radiance, strip * place.y);
-            int kind = is_hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
-            draw(weight, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
+                float weight = draw_weight(receiver, sender, radiance, strip * place.y);
+                int kind = is_hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
+                draw(weight, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
 #endif
-            if (is_hidden) factor = 0.0;
-            receive(receiver, sender, radiance * factor, light);
-            // Both parts are summed up as one, of which what is near is told apart: two calls would both be paid for
-            if (is_near) so_far = light;
-            blocked |= hidden;
-        }
-        near = plus(near, difference(so_far, before));
+                if (is_hidden) factor = 0.0;
+                receive(receiver, sender, radiance * factor, sum);
+                blocked |= hidden;
+            } while (++i < count);
+            if (is_near) near = plus(near, sum);
+            else light = plus(light, sum);
+        } while (++field < 2);
 #ifdef VISIBILITY_RAYS
         if (((d + 1) * ray_groups) / directions != (d * ray_groups) / directions)
             for (int r = 0; r < DRAWS; ++r) {
@@ -185,8 +194,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             }
 #endif
         direction = rotated(direction, turn);
-    }
-    light = difference(light, near);
+    } while ((d += PARTS) < directions);
 #ifdef VISIBILITY_RAYS
     near = plus(near, missing_near);
     light = plus(light, missing);
@@ -210,7 +218,8 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
     Slicing slicing = make_slicing(load_depth_range(ivec2(0)));
     VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
 #endif
-    for (int i = part; i < count; i += PARTS) {
+    int i = part;
+    if (i < count) do {
 #if SPACING == 0
         float radius = spiral.at;
         float texels = 2.0 * PI * radius * spiral.step;             // that this sample stands for
@@ -236,7 +245,7 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
 #endif
         receive(receiver, sender, radiance, light);
-    }
+    } while ((i += PARTS) < count);
 }
 #endif
 
@@ -268,7 +277,8 @@ void gather(Receiver receiver, out Incoming near, out Incoming light) {
     int near_samples = near_field * ((frame.samples + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
     float inner = near_field == 1 ? frame.radius * NEAR_RADIUS : inner_radius;
     // First what is near, where there is such a part, then the rest: one call, since compilers inline each one.
-    for (int field = 1 - near_field; field < 2; ++field) {
+    int field = 1 - near_field;
+    do {
         bool rest = field == 1;
         int count = rest ? frame.samples - near_samples : near_samples;
         Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
@@ -281,7 +291,7 @@ void gather(Receiver receiver, out Incoming near, out Incoming light) {
 #endif
         if (rest) light = sum;
         else near = sum;
-    }
+    } while (++field < 2);
 #endif
 }
 

@@ -89,7 +89,8 @@ PixelDraw draw_pixel(ivec2 texel_at, inout uint random) {
     PixelDraw drawn = PixelDraw(ivec2(0), vec3(0.0), 0.0);
     float total = 0.0, kept = 0.0;
     random = hash(random);
-    for (int i = 0; i < width * width; ++i) {
+    int i = 0;
+    do {
         ivec2 at = texel_at * width + ivec2(i % width, i / width);
         vec3 radiance = is_on_screen(at, size_image_surface()) ? load_image_radiance(at) : vec3(0.0);
         float weight = lobe_weight(radiance);
@@ -100,7 +101,7 @@ PixelDraw draw_pixel(ivec2 texel_at, inout uint random) {
             drawn.radiance = radiance;
             kept = weight;
         }
-    }
+    } while (++i < width * width);
     drawn.share = kept > 0.0 ? total / kept : 0.0;
     return drawn;
 }

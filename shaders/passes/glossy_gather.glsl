@@ -86,11 +86,13 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     int inner_steps = inner_radius > 0.0 ? (steps + 1) / 2 : 0;
     Ring inside = make_ring(0.0, inner_radius, inner_steps), ring = make_ring(inner_radius, frame.radius, steps);
     vec3 sum = vec3(0.0);
-    for (int d = 0; d < directions; ++d) {
+    int d = 0;
+    do {
         float across = (float(d) + jitter.x) / float(directions);
         float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
         uint blocked = 0u;
-        for (int i = 0; i < inner_steps + steps; ++i) {
+        int i = 0;
+        do {
             bool is_inner = i < inner_steps;
             vec2 place = is_inner ? ring_place(inside, float(i) + shift) : ring_place(ring, float(i - inner_steps) + shift);
             float width = width_at(wedge, place.x);
@@ -110,8 +112,8 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
             blocked |= hidden_by(half_plane, front, in_plane, frame.thickness);
-        }
-    }
+        } while (++i < inner_steps + steps);
+    } while (++d < directions);
     return sum;
 }
 #else
@@ -123,7 +125,8 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
 #endif
     Ring ring = make_ring(inner_radius, frame.radius, samples);
     vec3 sum = vec3(0.0);
-    for (int i = 0; i < samples; ++i) {
+    int i = 0;
+    do {
         vec2 place = ring_place(ring, float(i) + jitter.y);
         float width = width_at(wedge, place.x);
         // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
@@ -141,7 +144,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
 #endif
         sum += radiance;
-    }
+    } while (++i < samples);
     return sum;
 }
 #endif

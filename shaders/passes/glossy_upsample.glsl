@@ -3,11 +3,11 @@
 #include "passes/glossy_common.glsl"
 #include "lib/parts.glsl"
 
-// Texels of the window; see upsample.glsl
+// Rows of the window; see upsample.glsl
 #ifdef GPU
-const int WINDOW = 25;
+const int ROWS = 5;
 #else
-#define WINDOW window
+#define ROWS window
 #endif
 
 // The level's own reflection, for the first of the threads that share a texel; of no use where nothing reflects. Every
@@ -20,15 +20,18 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
     if (own.roughness >= 0.0) {
         ivec2 last = size_glossy_gather() - 1;
         Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
-        for (int i = part; i < WINDOW; i += PARTS) {
-            ivec2 offset = ivec2(i % 5, i / 5) - 2;
-            ivec2 at = clamp(px + offset, ivec2(0), last);
-            Reflection tap = load_glossy_gather(at);
-            Surface there = load_surface(at);
-            float weight = (abs(offset.x) == 2 ? 0.5 : 1.0) * (abs(offset.y) == 2 ? 0.5 : 1.0)
-                         * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
-            add_reflection(sum, tap, weight);
-        }
+        int row = part;
+        do {
+            int y = clamp(px.y + row - 2, 0, last.y);
+            for (int x = -2; x <= 2; ++x) {
+                ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+                Reflection tap = load_glossy_gather(at);
+                Surface there = load_surface(at);
+                float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+                             * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
+                add_reflection(sum, tap, weight);
+            }
+        } while ((row += PARTS) < ROWS);
     }
     PartSum all = sum_of_parts(PartSum(vec4(sum.sum, sum.total), vec4(sum.squares), vec4(0.0)));
     sum.sum = all.a.rgb;

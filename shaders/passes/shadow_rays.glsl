@@ -19,7 +19,8 @@ void shade(ivec2 px) {
     vec3 triangle = normalize(world_rotation * decode_direction16(load_motion(px).w));
     vec3 from = position + triangle * (RAY_LIFT * surface.view_depth);
     uint found = 0u;
-    for (int i = 0; i < min(punctual_lights, TRACED_LAMPS); ++i) {
+    int i = 0, lamps = min(punctual_lights, TRACED_LAMPS);
+    if (lamps > 0) do {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
@@ -29,6 +30,6 @@ void shade(ivec2 px) {
         vec3 end = light.kind == LIGHT_DIRECTIONAL ? from + wi * (length(position) + extent)
                                                    : mix(from, light.position, BEFORE_LAMP);
         found |= (is_blocked(from, end) ? LAMP_HIDDEN : LAMP_SEEN) << uint(2 * i);
-    }
+    } while (++i < lamps);
     out_traced = found;
 }

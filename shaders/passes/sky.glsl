@@ -55,7 +55,8 @@ uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
     uint blocked = 0u;
     Seen before = Seen(p, vec3(0.0), 0.0);
     float before_angle = 0.0, before_radius = 0.0;
-    for (int i = 0; i < steps; ++i) {
+    int i = 0;
+    do {
         vec2 at = clamp(center + direction * radius, vec2(0.0), vec2(size_surface()) - 0.5);
         int coarser = clamp(int(log2(radius * 0.25)), 0, coarsest);
         Seen met = seen_at(at, coarser);
@@ -78,7 +79,7 @@ uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
         if (side < 0.0) span = -span.yx;
         span = (span - slice.turn) / SECTOR + 0.5 * float(SECTORS);
         blocked |= sectors_between(span.x, span.y);
-    }
+    } while (++i < steps);
     return blocked;
 }
 
@@ -112,11 +113,12 @@ void shade(ivec2 px) {
     Slice slice = first_slice(p);
     vec2 jitter = interleaved_4x4(px);
     vec3 all = vec3(0.0), free = vec3(0.0);
-    for (int i = 0; i < directions; ++i) {
+    int i = 0;
+    do {
         float normal_length = turn_slice(slice, (float(i) + jitter.x) / (2.0 * float(directions)), surface.normal);
         uint blocked = blocked_on(1.0, slice, p, center, jitter.y) | blocked_on(-1.0, slice, p, center, jitter.y);
         add_slice(slice, normal_length, blocked, all, free);
-    }
+    } while (++i < directions);
     // A channel without any light has no share; it counts as open
     out_sky_noisy = vec4(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,
                          all.b > 0.0 ? free.b / all.b : 1.0, 1.0);

@@ -48,7 +48,8 @@ void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint 
     float total = 0.0, chosen_weight = 0.0;
     int count = side * side;
     random = hash(random);
-    for (int i = 0; i < candidates; ++i) {
+    int i = 0;
+    do {
         random = next_random(random);
         // One of each part of the senders, whose neighbours lie close together
         float at = (float(i) + unit_float(random)) / float(candidates);
@@ -61,7 +62,7 @@ void gather_far(vec3 position, vec3 normal, float lift, float share, inout uint 
             chosen = c;
             chosen_weight = weight;
         }
-    }
+    } while (++i < candidates);
     if (chosen_weight <= 0.0) return;
     float cosine = dot(normal, chosen.direction);
     vec3 from = to_world(position + normal * (sign(cosine) * lift)), to = to_world(chosen.position + chosen.normal * max(lift, 1e-6 * extent));
@@ -91,9 +92,10 @@ void shade(ivec2 px) {
     float lift = RAY_LIFT * surface.view_depth, share = 1.0 / float(rays);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 17u));
     Incoming sum = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-    for (int r = 0; r < rays; ++r) {
+    int r = 0;
+    do {
         gather_far(position, surface.normal, lift, share, random, sum);
         gather_near(position, surface.normal, lift, share, random, sum);
-    }
+    } while (++r < rays);
     out_unseen = make_lobe(sum.irradiance, sum.back_irradiance, sum.directions, sum.weights, surface.normal);
 }

@@ -23,14 +23,15 @@ void shade(ivec2 px) {
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 29u));
     float reach = length(to_world(position)) + extent;
     vec3 sum = vec3(0.0);
-    for (int i = 0; i < rays; ++i) {
+    int i = 0;
+    do {
         random = hash(random);
         float u = unit_float(random);
         random = hash(random);
         vec3 direction = lobe_direction(mirror.direction, mirror.exponent, u, unit_float(random));
         float cosine = dot(normal, direction);
         if (cosine > 0.0) sum += unseen_radiance(from, direction * reach, random) * cosine;
-    }
+    } while (++i < rays);
     // Lobe over density
     float e = mirror.exponent;
     out_unseen_reflection = sum * ((e + 2.0) / (e + 1.0) * mirror.scale / float(rays));

@@ -46,7 +46,8 @@ const Sum NO_LIGHT = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
 void add_window(ivec2 px, Surface receiver, Plane plane, inout Sum sum, inout float total) {
     ivec2 last = size_gather() - 1;
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
-    for (int row = part; row < ROWS; row += PARTS) {
+    int row = part;
+    do {
         int y = clamp(px.y + row - 2, 0, last.y);
         for (int x = -2; x <= 2; ++x) {
             ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
@@ -56,7 +57,7 @@ void add_window(ivec2 px, Surface receiver, Plane plane, inout Sum sum, inout fl
             add(sum, load_gather(at), tap.normal, receiver.normal, weight);
             total += weight;
         }
-    }
+    } while ((row += PARTS) < ROWS);
 }
 
 // The level's own light, for the first of the threads that share a texel. Every thread calls it.

@@ -1,6 +1,5 @@
 // The share of even light from all around that reaches a surface past what the image shows, weighted by the cosine: in each slice
 // the highest horizon to either side, and the integral between the two in closed form. Only for comparison (docs/compare.md).
-#include "lib/horizon.glsl"
 
 const float PI = 3.141592653589793;
 
@@ -11,6 +10,13 @@ Surface load_level(ivec2 px, int coarser) { return load_surface(px); }
 // XeGTAO's default: over the outer part of the radius a surface fades from blocking to not blocking.
 const float FADE = 0.615;
 
+// Within 1e-4 radians (Abramowitz and Stegun 4.4.45).
+float fast_acos(float x) {
+    float a = min(abs(x), 1.0);
+    float y = sqrt(1.0 - a) * (1.5707288 + a * (-0.2121144 + a * (0.0742610 - 0.0187293 * a)));
+    return x < 0.0 ? PI - y : y;
+}
+
 // Cosine of the angle between the view ray and the horizon to one side; `lowest` where only the surface's own plane blocks.
 float horizon_to(float side, Slice slice, vec3 p, vec2 center, float lowest, float jitter) {
     vec2 direction;
@@ -20,7 +26,8 @@ float horizon_to(float side, Slice slice, vec3 p, vec2 center, float lowest, flo
     float reach = min(edge, radius / (-p.z * max(frame.ray_scale.x, frame.ray_scale.y)));
     if (reach <= 1.0) return lowest;
     float highest = lowest;
-    for (int i = 0; i < steps; ++i) {
+    int i = 0;
+    do {
         float share = (float(i) + jitter) / float(steps);
         vec2 at = clamp(center + direction * mix(1.0, reach, share * share), vec2(0.0), vec2(size_surface()) - 0.5);
         Seen met = seen_at(at, 0);
@@ -29,7 +36,7 @@ float horizon_to(float side, Slice slice, vec3 p, vec2 center, float lowest, flo
         float far = length(way);
         float weight = clamp((radius - far) / (radius * FADE), 0.0, 1.0);
         highest = max(highest, mix(lowest, dot(way, slice.to_camera) / max(far, 1e-15), weight));
-    }
+    } while (++i < steps);
     return highest;
 }
 
@@ -45,13 +52,14 @@ void shade(ivec2 px) {
     Slice slice = first_slice(p);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);
     float open = 0.0, whole = 0.0;
-    for (int i = 0; i < slices; ++i) {
+    int i = 0;
+    do {
         float normal_length = turn_slice(slice, (float(i) + jitter.x) / (2.0 * float(slices)), surface.normal);
         float turn = slice.turn;
         float ahead = fast_acos(horizon_to(1.0, slice, p, center, cos(turn + 0.5 * PI), jitter.y));
         float behind = -fast_acos(horizon_to(-1.0, slice, p, center, cos(turn - 0.5 * PI), jitter.y));
         open += normal_length * (arc(ahead, turn) + arc(behind, turn));
         whole += normal_length * (cos(turn) + turn * sin(turn));
-    }
+    } while (++i < slices);
     out_ambient_noisy = vec4(vec3(whole > 0.0 ? clamp(open / whole, 0.0, 1.0) : 1.0), 1.0);
 }

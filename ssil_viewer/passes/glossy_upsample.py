@@ -38,6 +38,6 @@ class GlossyUpsample(ScreenPass):
         last, denoises = frame.settings.last_level, frame.settings.upsampling == "bilateral"
         for level in range(last, frame.settings.start_level - 1, -1):
             omit = frozenset({"coarse", "coarse_surface"}) if level == last else frozenset()
-            # The window, 5x5, is a uniform so that compilers keep the loop
-            yield Dispatch(level, {"texel": float(2**level), "window": 25}, (chosen,), omit,
+            # The window's rows are a uniform so that compilers keep the loop
+            yield Dispatch(level, {"texel": float(2**level), "window": 5}, (chosen,), omit,
                            parts=PARTS if denoises and level > frame.settings.start_level else 1)

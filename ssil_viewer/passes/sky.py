@@ -52,4 +52,4 @@ class SkyFilter(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         level = frame.settings.start_level
-        yield Dispatch(level, {"texel": float(2**level), "window": 25})
+        yield Dispatch(level, {"texel": float(2**level), "window": 5})
