@@ -10,7 +10,7 @@ from typing import Any, Mapping, Sequence
 from ssil_viewer import __version__
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.timers import WARM_UP_FRAMES, PassTime, Timings
-from ssil_viewer.measure.copy_speed import CopySpeed, measure_copy
+from ssil_viewer.measure.copy_speed import CopyMeter, CopySpeed
 from ssil_viewer.measure.groups import TALK, group_times, total_ms
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
@@ -80,7 +80,6 @@ class Bench:
 
     Attributes:
         rows: What has been measured so far.
-        copy: Speed of a plain copy; None before the first step, and without `floors`.
     """
 
     def __init__(self, renderer: Renderer, camera: Camera, rows: Sequence[Settings], frames: int | None = None,
@@ -88,8 +87,9 @@ class Bench:
         self.renderer = renderer
         self.frames = frames or FRAMES[renderer.timers.source]
         self.rows: list[Row] = []
-        self.copy: CopySpeed | None = None
         self._floors = floors
+        self._meter: CopyMeter | None = None
+        self._copy: CopySpeed | None = None
         self._scene, self._lights, self._size = renderer.scene, renderer.lights, renderer.size
         self._camera = camera
         self._waiting = list(rows)
@@ -103,6 +103,11 @@ class Bench:
     def done(self) -> bool:
         """Whether all rows are measured."""
         return not self._waiting
+
+    @property
+    def copy(self) -> CopySpeed | None:
+        """Speed of a plain copy, made once between any two frames; None before the first that counts, and without `floors`."""
+        return self._meter.speed if self._meter else self._copy
 
     @property
     def progress(self) -> tuple[int, int]:
@@ -124,8 +129,8 @@ class Bench:
         if self.done:
             return
         renderer = self.renderer
-        if self.copy is None and self._floors:
-            self.copy = measure_copy(renderer.context, renderer.size, renderer.stage)
+        if self._meter is None and self._floors:
+            self._meter = CopyMeter(renderer.context, renderer.size, renderer.stage)
         if (self._scene, self._size) != (renderer.scene, renderer.size):
             raise UserError("the benchmark ended: scene or size changed")
         if not self._rendered:
@@ -135,6 +140,8 @@ class Bench:
                 renderer.render(self._camera)
         else:
             renderer.render(self._camera)
+        if self._meter:
+            self._meter.step()
         self._rendered += 1
         if renderer.timers.count >= self.frames:
             self._finish_row()
@@ -154,17 +161,22 @@ class Bench:
             progress(self)
 
     def close(self) -> None:
-        """Give the timers back as they were."""
+        """Give the timers back as they were. `report` goes on telling what was measured."""
+        if self._meter:
+            self._copy = self.copy
+            self._meter.release()
+            self._meter = None
         self.renderer.timers.waits, self.renderer.timers.window = self._before
         self.renderer.timers.restart()
 
     def report(self) -> dict[str, Any]:
         """Everything as JSON has it (docs/benchmarks.md), of the rows measured so far."""
+        copy = self.copy
         return {**describe(self.renderer), "frames": self.frames, "warm_up_frames": WARM_UP_FRAMES,
                 "triangles": self._scene.triangle_count, "lights": len(self._lights),
-                "copy": {**_spread(self.copy.time), "bytes": self.copy.bytes,
-                         "bytes_per_second": self.copy.bytes_per_second} if self.copy else {},
-                "rows": [_row(row, self.copy) for row in self.rows]}
+                "copy": {**_spread(copy.time), "bytes": copy.bytes,
+                         "bytes_per_second": copy.bytes_per_second} if copy else {},
+                "rows": [_row(row, copy) for row in self.rows]}
 
 
 def measure_row(renderer: Renderer, camera: Camera, settings: Settings, frames: int) -> Row:
@@ -207,13 +219,18 @@ def _row(row: Row, copy: CopySpeed | None) -> dict[str, Any]:
             "passes": {name: {**_spread(time), **_floor(time, row.traffic.get(name, 0), copy)}
                        for name, time in timings.passes.items()},
             **{f"{group}_ms": groups[group] for group in TALK},
-            "total_ms": total_ms(groups), "frame_wall_ms": timings.frame.median_ms,
+            "total_ms": total_ms(groups), **_copies(total_ms(groups), copy), "frame_wall_ms": timings.frame.median_ms,
             "frame_p10_ms": timings.frame.p10_ms, "frame_p90_ms": timings.frame.p90_ms,
             **submit, "rest_ms": timings.rest.median_ms, "adds_up": timings.adds_up(), "target_bytes": row.target_bytes}
 
 
 def _spread(time: PassTime) -> dict[str, float]:
     return {"median_ms": time.median_ms, "p10_ms": time.p10_ms, "p90_ms": time.p90_ms}
+
+
+def _copies(total: float, copy: CopySpeed | None) -> dict[str, float]:
+    """The talk's total in copies of an image: what to compare between machines."""
+    return {"total_copies": total / copy.time.median_ms} if copy else {}
 
 
 def _floor(time: PassTime, count: int, copy: CopySpeed | None) -> dict[str, float]:

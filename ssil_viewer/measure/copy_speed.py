@@ -12,12 +12,12 @@ from ssil_viewer.frame_uniforms import view_from_matrices
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.gpu.screen_program import Stage
 from ssil_viewer.gpu.targets import FORMATS, Target
-from ssil_viewer.gpu.timers import RING, WARM_UP_FRAMES, PassTime
+from ssil_viewer.gpu.timers import PassTime
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes.base import Read, ScreenPass
 from ssil_viewer.settings import Settings
 
-_FRAMES = 20
+_MOST = 1000     # of the last copies that count
 
 
 class Pattern(ScreenPass):
@@ -58,21 +58,37 @@ class CopySpeed:
         return self.time.median_ms * count / self.bytes
 
 
-def measure_copy(context: moderngl.Context, size: tuple[int, int], stage: Stage) -> CopySpeed:
-    """Time copies of a whole image, in the same way as all passes are timed.
+class CopyMeter:
+    """Times copies of a whole image in the same way as all passes are timed.
+
+    One copy at a time, between frames of what is compared with it: copies one right after another find their image in
+    caches that a frame has filled with other things, and on software OpenGL one thread may make them all while the others
+    still wake, which takes up to twice as long and made the same passes 14 or 27 copies long.
 
     Raises:
         UserError: There is no memory for two more targets.
     """
-    runner = PassRunner(context, (Pattern, Copy), size, Settings(), stage=stage)
-    runner.timers.waits = True
-    view = view_from_matrices(perspective((1.0, 1.0), 0.1, 10.0), np.eye(4))
-    try:
-        for _ in range(WARM_UP_FRAMES + _FRAMES + RING):
-            with runner.frame():
-                runner.run(Frame(runner, runner.settings, runner.radius), view)
-        runner.timers.drain()
-        moved = 2 * FORMATS["rgba16f"].texel_bytes * size[0] * size[1]
-        return CopySpeed(runner.timings.passes["copy"], moved)
-    finally:
-        runner.release()
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int], stage: Stage) -> None:
+        self._runner = PassRunner(context, (Pattern, Copy), size, Settings(), stage=stage)
+        self._runner.timers.waits = True
+        self._runner.timers.window = _MOST
+        self._view = view_from_matrices(perspective((1.0, 1.0), 0.1, 10.0), np.eye(4))
+        self._bytes = 2 * FORMATS["rgba16f"].texel_bytes * size[0] * size[1]
+
+    def step(self) -> None:
+        """Copy once; the first few do not count."""
+        runner = self._runner
+        with runner.frame():
+            runner.run(Frame(runner, runner.settings, runner.radius), self._view)
+
+    @property
+    def speed(self) -> CopySpeed | None:
+        """Of the copies so far; None while none of them counts."""
+        self._runner.timers.drain()
+        time = self._runner.timings.passes.get("copy")
+        return CopySpeed(time, self._bytes) if time else None
+
+    def release(self) -> None:
+        """Give the two images back."""
+        self._runner.release()

@@ -73,7 +73,9 @@ def notes(report: dict[str, Any]) -> list[str]:
     found = [f"Times are by {report['clock']}.",
              "Floor: declared inputs and outputs once each at the speed of a copy, "
              f"{copy['bytes_per_second'] / 1e9:.3g} GB/s ({copy['median_ms']:.3g} ms for "
-             f"{copy['bytes'] / 1e6:.3g} MB)."]
+             f"{copy['bytes'] / 1e6:.3g} MB).",
+             "Totals in such copies, for comparison between machines: "
+             + ", ".join(f"{row['total_copies']:.3g}" for row in report["rows"]) + "."]
     apart = sum(not row["adds_up"] for row in report["rows"])
     if apart:
         found.append(f"In {apart} row{'s' if apart > 1 else ''} the passes do not add up to the frame within 10 %: "
@@ -103,7 +105,7 @@ def to_csv(report: dict[str, Any]) -> str:
     lines = []
     for row in report["rows"]:
         line = {**where, **{name: _value(row, name) for name in names},
-                **{name: value for name, value in row.items() if name.endswith(("_ms", "_bytes"))}}
+                **{name: value for name, value in row.items() if name.endswith(("_ms", "_bytes", "_copies"))}}
         for name, values in row["passes"].items():
             line |= {f"{name}_{key}": value for key, value in values.items()}
         lines.append(line)

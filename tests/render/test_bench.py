@@ -13,7 +13,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.targets import level_size
 from ssil_viewer.measure import tables
 from ssil_viewer.measure.bench import Bench, swept_settings, talk_settings
-from ssil_viewer.measure.copy_speed import measure_copy
+from ssil_viewer.measure.copy_speed import CopyMeter
 from ssil_viewer.settings import Settings
 from tests import scenes
 
@@ -88,7 +88,12 @@ def test_floors_count_each_declared_texel_once(make_renderer):
 
 
 def test_the_copy_moves_every_texel_once_each_way(context, stage):
-    copy = measure_copy(context, (40, 20), stage)
+    meter = CopyMeter(context, (40, 20), stage)
+    assert meter.speed is None
+    for _ in range(10):
+        meter.step()
+    copy = meter.speed
+    meter.release()
     assert copy.bytes == 2 * 8 * 800
     assert copy.time.median_ms > 0
     assert copy.floor_ms(copy.bytes) == pytest.approx(copy.time.median_ms)
@@ -108,6 +113,8 @@ def test_rows_have_their_own_settings_and_the_timers_come_back(make_renderer):
     assert heard == sorted(heard) and heard[-1][0] == heard[-1][1]
     report = bench.report()
     assert [row["indirect_ms"] > 0 for row in report["rows"]] == [False, True, False, True]
+    copy = report["copy"]["median_ms"]
+    assert [row["total_copies"] for row in report["rows"]] == [row["total_ms"] / copy for row in report["rows"]]
     json.loads(tables.to_json(report))
 
 
