@@ -25,7 +25,7 @@ references:
   R2  R1 with true visibility by rays (embreex): shows the error of --visibility
   R3  a path tracer (Mitsuba 3): shows what the screen cannot know
 
-pip install 'ssil-viewer[reference]' brings what R2 and R3 need; docs/compare.md explains the numbers."""
+R2 and R3 need what pip install 'ssil-viewer[reference]' brings; docs/compare.md explains the numbers."""
 
 
 def _references(text: str) -> tuple[str, ...]:

@@ -106,7 +106,7 @@ class Bench:
 
     @property
     def copy(self) -> CopySpeed | None:
-        """Speed of a plain copy, made once between any two frames; None before the first that counts, and without `floors`."""
+        """Speed of a plain copy, made after each frame; None before the first that counts, and without `floors`."""
         return self._meter.speed if self._meter else self._copy
 
     @property

@@ -61,9 +61,9 @@ class CopySpeed:
 class CopyMeter:
     """Times copies of a whole image in the same way as all passes are timed.
 
-    One copy at a time, between frames of what is compared with it: copies one right after another find their image in
-    caches that a frame has filled with other things, and on software OpenGL one thread may make them all while the others
-    still wake, which takes up to twice as long and made the same passes 14 or 27 copies long.
+    One copy at a time, between frames of what is compared with it. One right after another they find their image in
+    caches that a frame fills with other things; and on software OpenGL one thread may make them all while the others
+    still wake, for twice as long, so that the same passes were 14 copies in one run and 27 in the next.
 
     Raises:
         UserError: There is no memory for two more targets.

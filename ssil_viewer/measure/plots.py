@@ -1,4 +1,4 @@
-"""Plots of the scaling, by matplotlib, which is an extra: `pip install ssil-viewer[plots]`."""
+"""Plots of the scaling, by matplotlib, which is an extra, `plots`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ssil_viewer import output
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.measure.tables import heading
 
 _COLUMNS = 3
@@ -18,7 +18,7 @@ def require() -> None:
     """Raises UserError where matplotlib is missing: before anything is measured."""
     if importlib.util.find_spec("matplotlib") is None:
         raise UserError("plots need matplotlib", "--plots",
-                        "install it with pip install matplotlib, or with the extra 'plots'")
+                        "install it: " + pip_install("ssil-viewer[plots]"))
 
 
 def write(path: Path, report: dict[str, Any]) -> None:

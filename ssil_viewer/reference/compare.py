@@ -10,6 +10,7 @@ from typing import Any, Callable
 import moderngl
 import numpy as np
 
+from ssil_viewer.errors import pip_install
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.gpu.light_table import look_along
 from ssil_viewer.headless import DEFAULT_SIZE, render_frames
@@ -290,8 +291,8 @@ class _Comparing:
         try:
             from ssil_viewer.reference.occluders import Occluders
         except ImportError:
-            self._done.warnings.append("R2 is left out: embreex is not installed: pip install "
-                                       "'ssil-viewer[reference]', or take --on-gpu")
+            self._done.warnings.append("R2 is left out: embreex is not installed: "
+                                       f"{pip_install('ssil-viewer[reference]')}, or take --on-gpu")
             return None
         return Occluders(self._scene, self._camera)
 
@@ -371,7 +372,7 @@ class _Comparing:
             result["image_noise"]["flip"] = metrics.flip(*halves)
         else:
             self._done.warnings.append(
-                "flip is left out: flip-evaluator is not installed: pip install 'ssil-viewer[reference]'")
+                "flip is left out: flip-evaluator is not installed: " + pip_install("ssil-viewer[reference]"))
         self._done.pictures |= {name: np.asarray(image, np.float32) for name, image in (*images.items(), ("R3", truth))}
 
     # -- what the error consists of ------------------------------------------------------------------------------------

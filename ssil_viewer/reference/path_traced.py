@@ -15,6 +15,7 @@ from typing import Callable
 
 import numpy as np
 
+from ssil_viewer.errors import pip_install
 from ssil_viewer.reference.mitsuba_export import Description
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask, Job
 
@@ -42,7 +43,7 @@ def working_variant() -> str:
         ReferenceFailure: None does, or Mitsuba is missing.
     """
     if not has_mitsuba():
-        raise ReferenceFailure("Mitsuba is not installed: pip install 'ssil-viewer[reference]'")
+        raise ReferenceFailure("Mitsuba is not installed: " + pip_install("ssil-viewer[reference]"))
     reason = ""
     for variant in VARIANTS:
         try:

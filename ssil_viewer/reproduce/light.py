@@ -6,7 +6,7 @@ from typing import Any, Sequence
 
 import numpy as np
 
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.measure.tables import Table
 from ssil_viewer.reference.all_pixels import read_surfaces
 from ssil_viewer.reference.bounce_series import MOST_BOUNCES, bounce_series
@@ -100,7 +100,8 @@ def _mean_light(studio: Studio, bounces: int) -> float:
 def _against_all_light(lab: Lab, plain: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
     """The path tracer's series, and why there is none."""
     if not has_mitsuba():
-        return [], ["The error against all light is left out: it takes Mitsuba (pip install 'ssil-viewer[reference]')."]
+        how = pip_install("ssil-viewer[reference]")
+        return [], [f"The error against all light is left out: it takes Mitsuba ({how})."]
     studio = lab.studio
     size = tuple(max(8, side // 2) for side in studio.size)
     series, warnings = bounce_series(

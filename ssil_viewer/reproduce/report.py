@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Iterable, Mapping, Sequence
 
 from ssil_viewer import output
+from ssil_viewer.errors import pip_install
 from ssil_viewer.measure.tables import Table, csv_text
 from ssil_viewer.reproduce import charts
 from ssil_viewer.reproduce.claim import FAILS, HOLDS, UNSEEN, Picture
@@ -124,7 +125,8 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
         f"{len(results) - held - failed} cannot be seen here.</p>", "</header>",
         "<main>", _summary(results), "<h3>Machine and settings</h3>", _list(head.items())]
     if not drawn and any(result.finding.charts for result in results):
-        parts.append('<p class="soft">This report has no plots: they take matplotlib (pip install matplotlib).</p>')
+        parts.append('<p class="soft">This report has no plots: they take matplotlib: '
+                     f"<code>{escape(pip_install('ssil-viewer[plots]'))}</code></p>")
     quick = " --quick" if str(head.get("effort", "")).startswith("quick") else ""
     parts += [_section(result, pictures, drawn, quick) for result in results]
     parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file '

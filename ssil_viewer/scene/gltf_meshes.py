@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.scene.files import Malformed
 from ssil_viewer.scene.geometry import VertexArrays, build_primitive
 from ssil_viewer.scene.gltf_accessors import normalized, read_accessor
@@ -225,7 +225,7 @@ class MeshReader:
                 raise UserError(
                     "the geometry is compressed with Draco, whose decoder is not installed",
                     str(self._document.path),
-                    "install it with: pip install DracoPy",
+                    "install it: " + pip_install("ssil-viewer[draco]"),
                 ) from error
             self._warnings.add("Draco is not installed (package DracoPy): uncompressed data are used", name)
         except Malformed as problem:

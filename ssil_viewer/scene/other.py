@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.scene.colors import srgb_to_linear
 from ssil_viewer.scene.files import Malformed
 from ssil_viewer.scene.geometry import VertexArrays, build_primitive
@@ -22,8 +22,8 @@ from ssil_viewer.scene.warning_list import WarningList
 OTHER_FORMATS = (".ply", ".stl", ".off", ".3mf", ".dae")
 """Extensions of the files that `load_other` reads."""
 
-_PACKAGES = {".3mf": "networkx lxml", ".dae": "pycollada"}
-"""What trimesh needs besides itself."""
+_OF_EXTRA = {".3mf", ".dae"}
+"""For these trimesh needs packages besides itself: those of the extra `formats`."""
 
 MAX_UNPACKED_BYTES = 1 << 31
 """Archives that unpack to more are refused."""
@@ -78,14 +78,13 @@ def _read(path: Path, extension: str) -> Any:
                     raise UserError("the archive unpacks to more than 2 GiB", str(path))
         return trimesh.load_scene(path, process=False)
     except (ImportError, NotImplementedError) as error:
-        packages = _PACKAGES.get(extension, "")
-        advice = f"install: pip install {packages}" if packages else str(error)
+        advice = "install it: " + pip_install("ssil-viewer[formats]") if extension in _OF_EXTRA else str(error)
         raise UserError("a package that reads this format is not installed", str(path), advice) from error
     except (UserError, MemoryError):
         raise
     except Exception as error:  # the readers raise whatever a broken file provokes
-        if extension in _PACKAGES and "not supported" in str(error):
-            advice = f"if it is intact, install: pip install {_PACKAGES[extension]}"
+        if extension in _OF_EXTRA and "not supported" in str(error):
+            advice = "if it is intact, a package is missing: " + pip_install("ssil-viewer[formats]")
         else:
             advice = f"the reader says: {str(error)[:120] or type(error).__name__}"
         raise UserError("the file is broken", str(path), advice) from error
