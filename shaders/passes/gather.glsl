@@ -65,18 +65,13 @@ Incoming of_all_parts(Incoming light) {
 #endif
 
 #if VISIBILITY == 2
-// Rounding makes no light negative.
+#ifdef VISIBILITY_RAYS
+// No light is negative: where one sample stands for others that differ, sums may be.
 Incoming positive(Incoming light) {
     return Incoming(max(light.irradiance, 0.0), max(light.back_irradiance, 0.0), light.directions, max(light.weights, 0.0));
 }
 
-Incoming difference(Incoming whole, Incoming part) {
-    return positive(Incoming(whole.irradiance - part.irradiance, whole.back_irradiance - part.back_irradiance,
-                             whole.directions - part.directions, whole.weights - part.weights));
-}
-
-#ifdef VISIBILITY_RAYS
-// Of differences of sums: their directions are again a mean of unit vectors before the surface. Others would make lobes
+// Of such sums, too: their directions are again a mean of unit vectors before the surface. Others would make lobes
 // that shine a hundred times too bright on some pixel.
 Incoming bounded(Incoming light, vec3 normal) {
     light.directions -= normal * min(dot(light.directions, normal), 0.0);
@@ -109,8 +104,8 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
         if (!is_on_screen(at, size_blockers())) break;
         Surface surface = load_blockers(at);
         vec3 offset = position_on_plane(surface, at, place, scale) - receiver.position;
-        if (surface.view_depth <= 0.0) continue;
         vec2 in_plane = in_half_plane(half_plane, offset);
+        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;
         blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
     } while (++step, ++i < blocking_steps);
     return blocked;
@@ -144,8 +139,8 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
         float shift = fract(jitter + float(d) * 0.618034);
         uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
-        // First what is near, where there is such a part, then the rest: one loop's body for both, since compilers may unroll the
-        // two, and CPUs work through all that is behind a branch
+        // First what is near, where there is such a part, then the rest: one body for both, since a choice between two sums for
+        // every sample took CPUs a tenth longer, and compilers would inline everything twice
         int field = 1 - near_field;
         do {
             bool is_near = field == 0;
@@ -198,7 +193,6 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
 #ifdef VISIBILITY_RAYS
     near = plus(near, missing_near);
     light = plus(light, missing);
-    // Sums may be negative, where one sample stands for others that differ
     near = bounded(positive(near), receiver.normal);
     light = bounded(positive(light), receiver.normal);
 #endif
