@@ -12,6 +12,7 @@ from ssil_viewer.reference.visible_pixels import references
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Light, Material
 from tests import scenes
+from tests.gpu_function import evaluate
 
 WHITE = Material(base_color=(0.7, 0.7, 0.7, 1.0), specular=0.0)
 
@@ -89,3 +90,56 @@ def test_nothing_blocks_in_an_empty_room(make_renderer):
         render_frames(renderer, Camera(eye=(0.1, 0.2, 0.95)), 8)
         means.append(renderer.read("indirect").mean(dtype=np.float64))
     assert means[1] == pytest.approx(means[0], rel=0.05)
+
+
+def test_elevations_are_in_the_order_of_angles(context):
+    """From the camera's direction to the receiver's surface 0 to 1 whatever the normal; what is hidden lies between the
+    front and a point farther from the camera by the thickness: by NumPy's angles, in random half-planes."""
+    rng = np.random.default_rng(3)
+    count, thickness = 4000, 0.1
+    position = rng.normal(size=(count, 3)) * (1, 1, 0) - (0, 0, 3)
+    to_camera = -position / np.linalg.norm(position, axis=1, keepdims=True)
+    along = rng.normal(size=(count, 3)) * (1, 1, 0)
+    outward = along - to_camera * np.sum(along * to_camera, 1, keepdims=True)
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    normal = rng.normal(size=(count, 3)) + 2 * to_camera
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    seen = np.sum(normal * to_camera, 1) > 0.02      # of what is seen edge-on no elevation is told
+    assert seen.mean() > 0.9
+    position, to_camera, along, outward, normal = (v[seen] for v in (position, to_camera, along, outward, normal))
+    count = len(position)
+
+    plane = "HalfPlane plane = make_half_plane(a.xyz, b.xyz, c.xyz);"
+
+    def angles(offset):
+        """(N,) radians from the camera's direction."""
+        return np.arctan2(np.sum(offset * outward, 1), np.sum(offset * to_camera, 1))
+
+    def elevations(offset):
+        """(N,) by the shader."""
+        return evaluate(context, ("lib/horizon.glsl",),
+                        f"{plane} result.x = elevation(plane, in_half_plane(plane, d.xyz));", position, normal, along,
+                        offset)[:, 0]
+
+    surface = np.cross(np.cross(outward, to_camera), normal)
+    surface *= np.sign(np.sum(surface * outward, 1, keepdims=True))
+    np.testing.assert_allclose(elevations(surface), 1.0, atol=1e-4)
+    np.testing.assert_allclose(elevations(to_camera), 0.0, atol=1e-4)
+    turns = rng.uniform(0.05, 3.0, (2, count, 1))
+    low, high = (outward * np.sin(turn) + to_camera * np.cos(turn) for turn in turns)
+    apart = np.abs(turns[0] - turns[1])[:, 0] > 1e-3
+    assert apart.mean() > 0.9
+    assert ((elevations(low) < elevations(high)) == (angles(low) < angles(high)))[apart].all()
+
+    back = low + thickness * (position + low)
+    bits = evaluate(context, ("lib/horizon.glsl",),
+                    f"{plane} vec2 place = in_half_plane(plane, d.xyz);"
+                    "uint hidden = hidden_by(plane, elevation(plane, place), place, d.w);"
+                    "result = vec4(hidden & 0xFFFFu, hidden >> 16u, 0.0, 0.0);", position, normal, along,
+                    np.hstack([low, np.full((count, 1), thickness)]))[:, :2].astype(np.uint32)
+    hidden = ((bits[:, :1] | bits[:, 1:] << 16) >> np.arange(32)) & 1
+    first, end = elevations(low)[:, None] * 32, elevations(back)[:, None] * 32
+    middle = np.arange(32) + 0.5
+    sure = (np.abs(middle - first) > 1e-3) & (np.abs(middle - end) > 1e-3)
+    assert (hidden == ((middle > first) & (middle < end)))[sure].all()
+    assert 0.05 < hidden.mean() < 0.5
