@@ -46,7 +46,8 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
                camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
-               reference: ReferenceKind = "off", other: Settings | None = None) -> None:
+               reference: ReferenceKind = "off", other: Settings | None = None, image_scale: float = 1.0,
+               panel_scale: float = 1.0) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -57,6 +58,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         vsync: Wait for the monitor.
         reference: What the picture is compared with.
         other: Settings B, shown beside the picture, unless a reference is.
+        image_scale: Rendered pixels per pixel of the window, along each side.
+        panel_scale: Of text and panels, on top of what the monitor asks for.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -65,6 +68,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync)
         viewer.state.other = other
+        viewer.state.render_scale, viewer.state.ui_scale = image_scale, panel_scale
         viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None

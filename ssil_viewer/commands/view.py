@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 
-from ssil_viewer.commands import shared
+from ssil_viewer.commands import shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
 
@@ -22,6 +22,11 @@ def add_flags(parser: Parser) -> None:
                        "part that rays see, which converges in the window (R)")
     group.add_argument("--settings-b", metavar="NAME|FILE", help="settings B, shown right of a divider: a preset or a "
                        "TOML file (Ctrl+B)")
+    window = parser.add_argument_group("window")
+    window.add_argument("--image-scale", type=values.real("--image-scale", 10, 100), default=100.0, metavar="PERCENT",
+                        help="rendered pixels per pixel of the window, along each side; less is faster (10 to 100)")
+    window.add_argument("--panel-scale", type=values.real("--panel-scale", 75, 300), default=100.0, metavar="PERCENT",
+                        help="size of text and panels, on top of what the monitor asks for (75 to 300)")
     add_image_flags(parser, "close the window after this many frames; default: when you close it")
 
 
@@ -40,7 +45,8 @@ def run(args: argparse.Namespace) -> None:
                         "on Debian and Ubuntu install libgl1, libx11-6 and libxext6") from error
 
     run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
-               reference=args.reference or "off", other=other)
+               reference=args.reference or "off", other=other, image_scale=args.image_scale / 100,
+               panel_scale=args.panel_scale / 100)
 
 
 def check_display() -> None:

@@ -159,6 +159,21 @@ def test_the_command_line_begins_with_them(display, scene, tmp_path, monkeypatch
     assert cli.main(["view", *flags, "--reference", "R3"]) == 2
 
 
+def test_the_command_line_scales_image_and_panels(display, monkeypatch):  # noqa: F811
+    seen = []
+
+    class Noted(window.Viewer):
+        def step(self):
+            super().step()
+            seen.append((self._renderer.size, self.state.ui_scale))
+
+    monkeypatch.setattr(window, "Viewer", Noted)
+    flags = ["view", "builtin:cornell", "--size", "320x200", "--samples", "4", "--levels", "2", "--frames", "2"]
+    assert cli.main([*flags, "--image-scale", "25", "--panel-scale", "125"]) == 0
+    assert seen[-1] == ((80, 50), 1.25)
+    assert cli.main([*flags, "--image-scale", "5"]) == 2
+
+
 @pytest.mark.parametrize("name", ["Reference", "Settings A and B"])
 def test_the_parts_of_the_panel_can_be_drawn(viewer, monkeypatch, name):  # noqa: F811
     from ssil_viewer.app.panels import widgets
