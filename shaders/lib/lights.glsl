@@ -1,6 +1,7 @@
 // Lights and their shadow maps: punctual ones with glTF's units and falloff, and areas of even radiance.
 // Tables: gpu/light_table.py, punctual lights first. All positions are in world space. AREA_RECTANGLE, AREA_DISC and
 // AREA_SPHERE are defined where there are such lights: code that does not run costs, too.
+#include "lib/float_table.glsl"
 #if defined(AREA_RECTANGLE) || defined(AREA_DISC) || defined(AREA_SPHERE)
 #define AREA_LIGHTS
 #include "lib/area_lights.glsl"
@@ -29,11 +30,11 @@ struct Light {
     int first_tile;     // of the shadow atlas; -1: no shadow
 };
 
-Light fetch_light(sampler2D table, int index) {
-    vec4 a = texelFetch(table, ivec2(0, index), 0);
-    vec4 b = texelFetch(table, ivec2(1, index), 0);
-    vec4 c = texelFetch(table, ivec2(2, index), 0);
-    vec4 d = texelFetch(table, ivec2(3, index), 0);
+Light fetch_light(FLOAT_TABLE table, int index) {
+    vec4 a = FLOAT_TEXEL(table, ivec2(0, index));
+    vec4 b = FLOAT_TEXEL(table, ivec2(1, index));
+    vec4 c = FLOAT_TEXEL(table, ivec2(2, index));
+    vec4 d = FLOAT_TEXEL(table, ivec2(3, index));
     return Light(int(a.w), a.xyz, b.xyz, c.rgb, b.w, d.x, d.y, int(c.w));
 }
 
@@ -65,10 +66,10 @@ struct Tile {
     vec4 rect;
 };
 
-Tile fetch_tile(sampler2D tiles, int tile) {
-    return Tile(transpose(mat4(texelFetch(tiles, ivec2(0, tile), 0), texelFetch(tiles, ivec2(1, tile), 0),
-                               texelFetch(tiles, ivec2(2, tile), 0), texelFetch(tiles, ivec2(3, tile), 0))),
-                texelFetch(tiles, ivec2(4, tile), 0));
+Tile fetch_tile(FLOAT_TABLE tiles, int tile) {
+    return Tile(transpose(mat4(FLOAT_TEXEL(tiles, ivec2(0, tile)), FLOAT_TEXEL(tiles, ivec2(1, tile)),
+                               FLOAT_TEXEL(tiles, ivec2(2, tile)), FLOAT_TEXEL(tiles, ivec2(3, tile)))),
+                FLOAT_TEXEL(tiles, ivec2(4, tile)));
 }
 
 vec3 tile_ndc(Tile tile, vec3 position) {
@@ -111,7 +112,7 @@ bool plane_slope(Tile tile, vec3 position, vec3 n, float texel, out vec2 slope) 
 // which n, smoothed and mapped, is not. Each comparison has the depth of that plane there, so that moving the receiver off
 // its surface by a part of a texel is enough against acne: at grazing light an offset moves the shadow's edge by many times
 // as much.
-float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position, vec3 n, vec3 triangle, vec3 wi) {
+float shadow(sampler2DShadow atlas, FLOAT_TABLE tiles, Light light, vec3 position, vec3 n, vec3 triangle, vec3 wi) {
     if (light.first_tile < 0) return 1.0;
     int tile = light.first_tile;
     if (light.kind == LIGHT_POINT) {
@@ -120,7 +121,7 @@ float shadow(sampler2DShadow atlas, sampler2D tiles, Light light, vec3 position,
         else if (a.y >= a.z) tile += d.y > 0.0 ? 2 : 3;
         else tile += d.z > 0.0 ? 4 : 5;
     }
-    vec4 sizes = texelFetch(tiles, ivec2(5, tile), 0);     // world size of a texel: at unit distance, constant
+    vec4 sizes = FLOAT_TEXEL(tiles, ivec2(5, tile));     // world size of a texel: at unit distance, constant
     float texel = light.kind == LIGHT_DIRECTIONAL ? sizes.y : sizes.x * length(position - light.position);
     Tile view = fetch_tile(tiles, tile);
     vec2 slope;
@@ -142,12 +143,12 @@ struct AreaLight {
     int shadow_points;
 };
 
-AreaLight fetch_area_light(sampler2D table, int index) {
-    vec4 a = texelFetch(table, ivec2(0, index), 0);
-    vec4 b = texelFetch(table, ivec2(1, index), 0);
-    vec4 c = texelFetch(table, ivec2(2, index), 0);
-    vec4 d = texelFetch(table, ivec2(3, index), 0);
-    vec4 e = texelFetch(table, ivec2(4, index), 0);
+AreaLight fetch_area_light(FLOAT_TABLE table, int index) {
+    vec4 a = FLOAT_TEXEL(table, ivec2(0, index));
+    vec4 b = FLOAT_TEXEL(table, ivec2(1, index));
+    vec4 c = FLOAT_TEXEL(table, ivec2(2, index));
+    vec4 d = FLOAT_TEXEL(table, ivec2(3, index));
+    vec4 e = FLOAT_TEXEL(table, ivec2(4, index));
     return AreaLight(int(a.w), a.xyz, b.xyz, e.xyz, d.zw, c.rgb, int(c.w), int(e.w));
 }
 
@@ -178,14 +179,14 @@ const float LEAST_FACING = 0.1;
 const int AREA_TILES = 3;   // of each point: they cover the side to which it emits
 
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
-float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 position, vec3 n, vec3 triangle) {
+float area_shadow(sampler2DShadow atlas, FLOAT_TABLE tiles, AreaLight light, vec3 position, vec3 n, vec3 triangle) {
     if (light.first_tile < 0) return 1.0;
     float part = area_size(light) / (AREA_PI * float(light.shadow_points));
     float lit = 0.0, total = 0.0;
     int i = 0;
     do {
         int tile = light.first_tile + AREA_TILES * i;
-        vec4 point = texelFetch(tiles, ivec2(6, tile), 0);     // w: world distance between such points
+        vec4 point = FLOAT_TEXEL(tiles, ivec2(6, tile));     // w: world distance between such points
         vec3 to_point = point.xyz - position;
         vec3 outward = light.kind == LIGHT_SPHERE ? point.xyz - light.position : light.direction;
         float emitted = -dot(to_point, outward), received = dot(to_point, n);
@@ -194,11 +195,11 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
         float weight = emitted * received / (squared * (squared + part));
         // The tile whose axis goes most along the way: the three are at right angles, tilted alike off the outward normal
         vec4 there = vec4(position, 1.0);
-        vec4 axis = texelFetch(tiles, ivec2(3, tile), 0);
+        vec4 axis = FLOAT_TEXEL(tiles, ivec2(3, tile));
         float along = dot(axis, there);
         int best = tile;
         for (int k = 1; k < AREA_TILES; ++k) {
-            vec4 other = texelFetch(tiles, ivec2(3, tile + k), 0);
+            vec4 other = FLOAT_TEXEL(tiles, ivec2(3, tile + k));
             float way = dot(other, there);
             if (way > along) {
                 along = way;
@@ -206,7 +207,7 @@ float area_shadow(sampler2DShadow atlas, sampler2D tiles, AreaLight light, vec3 
                 best = tile + k;
             }
         }
-        float texel = texelFetch(tiles, ivec2(5, tile), 0).x * max(along, 0.0);
+        float texel = FLOAT_TEXEL(tiles, ivec2(5, tile)).x * max(along, 0.0);
         // Neighbouring points' shadows must overlap, or their edges are seen one by one
         float spread = clamp(0.5 * point.w / max(texel, 1e-30), 1.0, 3.0);
         // Off its surface by a part of a texel, and each comparison with the depth of the receiver's own plane there: a

@@ -1,10 +1,7 @@
 // Rays against the triangles of a scene: what scene/triangle_tree.py builds and gpu/triangle_tables.py uploads.
 // Tables are rows of TABLE_WIDTH texels. MASKED: some triangles have holes.
 
-#ifndef FLOAT_TABLE
-#define FLOAT_TABLE sampler2D
-#define FLOAT_TEXEL(table, at) texelFetch(table, at, 0)
-#endif
+#include "lib/float_table.glsl"
 
 const int TABLE_BITS = 12;
 const int TABLE_WIDTH = 1 << TABLE_BITS;

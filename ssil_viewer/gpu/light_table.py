@@ -19,7 +19,11 @@ from ssil_viewer.gpu.area_points import (
 )
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
+from ssil_viewer.gpu.screen_program import FLOAT_TABLE
 from ssil_viewer.scene.model import Light
+
+LIGHT_TABLES = {"lights": FLOAT_TABLE, "shadow_tiles": FLOAT_TABLE, "shadow_atlas": "sampler2DShadow"}
+"""What passes that light something declare: names in shaders -> kind."""
 
 LIGHT_TEXELS = 5
 TILE_TEXELS = 7
@@ -104,7 +108,7 @@ class LightTable:
 
     @property
     def textures(self) -> dict[str, moderngl.Texture]:
-        """All three by their names in shaders."""
+        """The three of `LIGHT_TABLES`."""
         return {"lights": self.table, "shadow_tiles": self.tiles_table, "shadow_atlas": self.atlas}
 
     def _create_atlas(self, size: tuple[int, int]) -> moderngl.Texture:

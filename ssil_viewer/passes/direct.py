@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Iterable
 
+from ssil_viewer.gpu.light_table import LIGHT_TABLES
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 
@@ -27,8 +28,8 @@ class Direct(ScreenPass):
              "motion": Read.of("motion"), "traced": Read.of("traced", optional=True),
              "previous_surface": Read.of("surface@previous", optional=True),
              "history": Read.of("irradiance@previous", optional=True)}
-    tables = {"lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
-              "environment": "sampler2D", "environment_irradiance": "sampler2D", "environment_specular": "sampler2D"}
+    tables = {**LIGHT_TABLES, "environment": "sampler2D", "environment_irradiance": "sampler2D",
+              "environment_specular": "sampler2D"}
     writes = {
         "direct": Target("rgba16f", "radiance towards the camera from direct light and emission, W m^-2 sr^-1; "
                                     "background: the backdrop"),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 import moderngl
 
+from ssil_viewer.gpu.light_table import LIGHT_TABLES
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.passes.rays import RAY_TABLES, RAY_UNIFORMS, RAYS, ray_defines, ray_uniforms, traces_shadows
@@ -49,7 +50,7 @@ class ShadowRays(ScreenPass):
     requires = RAYS
     shader = "passes/shadow_rays.glsl"
     reads = {"surface": Read.of("surface"), "motion": Read.of("motion")}
-    tables = {"lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow", **RAY_TABLES}
+    tables = {**LIGHT_TABLES, **RAY_TABLES}
     writes = {"traced": Target("bits32", "two bits for each of the first 16 lights: 0 as the shadow map says, 1 seen, "
                                          "2 hidden", exists=traces_shadows)}
     uniforms = {"punctual_lights": "int", **RAY_UNIFORMS}

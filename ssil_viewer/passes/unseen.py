@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Iterable
 
+from ssil_viewer.gpu.light_table import LIGHT_TABLES
 from ssil_viewer.gpu.targets import DRAWN_SIDE, SURFEL_BITS, Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
 _RAYS_TO_REFLECT = 2    # one ray of the lobe for so many of the diffuse part
 _CANDIDATES = 8         # of each ray: measured, see docs/method/unseen.md
 # Of shaders/lib/unseen.glsl
-_LIGHT = {**RAY_TABLES, "lights": "sampler2D", "shadow_tiles": "sampler2D", "shadow_atlas": "sampler2DShadow",
-          "environment_irradiance": "sampler2D"}
+_LIGHT = {**RAY_TABLES, **LIGHT_TABLES, "environment_irradiance": "sampler2D"}
 _SHOWN = {"image_surface": Read.of("surface", offset=None), "motion": Read.of("motion", offset=None)}
 _LIGHT_UNIFORMS = {"punctual_lights": "int", "random_seed": "int", **RAY_UNIFORMS}
 
