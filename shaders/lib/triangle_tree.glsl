@@ -81,6 +81,31 @@ int next_leaf(FLOAT_TABLE nodes, int node_count, vec3 from, vec3 inverse, float 
     return triangle;
 }
 
+// What a ray meets of a leaf.
+struct LeafHit {
+    vec3 met;           // as of `meet_triangle`
+    int triangle;
+    float mask;         // its place among those with holes; negative: it has none
+    vec3 normal;        // times twice the area, counter-clockwise front
+    bool last;          // of the leaf's triangles
+};
+
+// The next triangle of a leaf that a ray meets nearer than `most`, from `triangle` on, or its last one, not met. A loop of its own,
+// too: what follows, such as looking for holes, is then not done for each triangle. The number goes up behind the way out: llvmpipe
+// makes `hit` anew as long as other rays go on, and so from the same triangle.
+LeafHit next_met(FLOAT_TABLE triangles, vec3 from, vec3 along, float most, int triangle) {
+    LeafHit hit;
+    for (; ; ++triangle) {
+        vec4 corner = fetch_row_major(triangles, triangle * 3);
+        vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
+        hit = LeafHit(meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz), triangle, corner.w,
+                      cross(edge_u.xyz, edge_v.xyz), edge_u.w > 0.0);
+        if (hit.met.x >= most) hit.met.z = -1.0;
+        if (hit.met.z >= 0.0 || hit.last) break;
+    }
+    return hit;
+}
+
 // Whether a triangle lies between two points. Space: that of the triangles.
 bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
 #ifdef MASKED
@@ -93,18 +118,16 @@ bool triangles_block(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
     do {
         int triangle = next_leaf(nodes, node_count, from, inverse, 1.0, node);
         if (triangle < 0) break;
-        for (; ; ++triangle) {
-            vec4 corner = fetch_row_major(triangles, triangle * 3);
-            vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
-            vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
+        LeafHit hit;
+        do {
+            hit = next_met(triangles, from, along, 1.0, triangle);
+            bool blocks = hit.met.z >= 0.0;
 #ifdef MASKED
-            if (met.z >= 0.0 && (corner.w < 0.0 || !is_hole(corners, masks, alphas, int(corner.w), met.y, met.z)))
-                return true;
-#else
-            if (met.z >= 0.0) return true;
+            blocks = blocks && (hit.mask < 0.0 || !is_hole(corners, masks, alphas, int(hit.mask), hit.met.y, hit.met.z));
 #endif
-            if (edge_u.w > 0.0) break;      // the last one of its leaf
-        }
+            if (blocks) return true;
+            triangle = hit.triangle + 1;
+        } while (!hit.last);
     } while (node < node_count);
     return false;
 }
@@ -127,17 +150,16 @@ Met nearest_triangle(FLOAT_TABLE nodes, FLOAT_TABLE triangles,
     do {
         int triangle = next_leaf(nodes, node_count, from, inverse, nearest.at, node);
         if (triangle < 0) break;
-        for (; ; ++triangle) {
-            vec4 corner = fetch_row_major(triangles, triangle * 3);
-            vec4 edge_u = fetch_row_major(triangles, triangle * 3 + 1), edge_v = fetch_row_major(triangles, triangle * 3 + 2);
-            vec3 met = meet_triangle(from, along, corner.xyz, edge_u.xyz, edge_v.xyz);
-            bool hit = met.z >= 0.0 && met.x < nearest.at;
+        LeafHit hit;
+        do {
+            hit = next_met(triangles, from, along, nearest.at, triangle);
+            bool met = hit.met.z >= 0.0;
 #ifdef MASKED
-            hit = hit && (corner.w < 0.0 || !is_hole(corners, masks, alphas, int(corner.w), met.y, met.z));
+            met = met && (hit.mask < 0.0 || !is_hole(corners, masks, alphas, int(hit.mask), hit.met.y, hit.met.z));
 #endif
-            if (hit) nearest = Met(met.x, triangle, cross(edge_u.xyz, edge_v.xyz));
-            if (edge_u.w > 0.0) break;      // the last one of its leaf
-        }
+            if (met) nearest = Met(hit.met.x, hit.triangle, hit.normal);
+            triangle = hit.triangle + 1;
+        } while (!hit.last);
     } while (node < node_count);
     return nearest;
 }
