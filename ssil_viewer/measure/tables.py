@@ -74,7 +74,7 @@ def notes(report: dict[str, Any]) -> list[str]:
              "Floor: declared inputs and outputs once each at the speed of a copy, "
              f"{copy['bytes_per_second'] / 1e9:.3g} GB/s ({copy['median_ms']:.3g} ms for "
              f"{copy['bytes'] / 1e6:.3g} MB).",
-             "Totals in such copies, for comparison between machines: "
+             "Totals in such copies, row by row: "
              + ", ".join(f"{row['total_copies']:.3g}" for row in report["rows"]) + "."]
     apart = sum(not row["adds_up"] for row in report["rows"])
     if apart:

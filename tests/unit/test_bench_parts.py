@@ -138,7 +138,7 @@ def report(**changes) -> dict:
                              "times_floor": 4.0 * scale}}
         return {"start_level": 2, "levels": 4, "samples": 64, "visibility": "off", "settings": settings,
                 "passes": passes, "voxelization_ms": 0.0, "indirect_ms": 2.0 * scale, "upsampling_compositing_ms": 1.0,
-                "total_ms": 1.0 + 2.0 * scale, "frame_wall_ms": 8.0, "frame_p10_ms": 7.0, "frame_p90_ms": 12.0,
+                "total_ms": 1.0 + 2.0 * scale, "total_copies": 10.0 + 20.0 * scale, "frame_wall_ms": 8.0, "frame_p10_ms": 7.0, "frame_p90_ms": 12.0,
                 "rest_ms": 0.5, "adds_up": True, "target_bytes": 78_000_000}
 
     return {"program": "ssil-viewer 0", "renderer": "llvmpipe | 256", "version": "4.5", "timer": "wall",
@@ -182,6 +182,11 @@ def test_a_row_that_does_not_add_up_is_pointed_out():
     bad["rows"][1]["adds_up"] = False
     assert not any("add up" in note for note in tables.notes(report()))
     assert any("In 1 row the passes do not add up" in note for note in tables.notes(bad))
+
+
+def test_notes_and_lines_tell_totals_in_copies():
+    assert any("in such copies, row by row" in note and note.endswith(": 30, 50.") for note in tables.notes(report()))
+    assert [row["total_copies"] for row in csv.DictReader(io.StringIO(tables.to_csv(report())))] == ["30.0", "50.0"]
 
 
 def test_the_sums_are_the_talks():
