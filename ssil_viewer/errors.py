@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -30,8 +29,16 @@ class UserError(Exception):
 def pip_install(*packages: str) -> str:
     """The command that adds packages to the Python that runs this program.
 
-    It may be that of a clone or of a virtual environment that is not active, to which no `pip` on the PATH belongs.
+    In a clone that is the Python below the working directory, to which no `pip` on the PATH belongs. Elsewhere it is
+    `python`: such hints also get into files, which should not tell where somebody's folders are.
     """
-    python, here = Path(sys.executable or "python"), Path.cwd()
-    words = [str(python.relative_to(here) if here in python.parents else python), "-m", "pip", "install", *packages]
-    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+    try:
+        python = Path(sys.executable).relative_to(Path.cwd())
+    except (ValueError, OSError):       # not below it; there is none any more
+        python = Path("python")
+    words = [str(python) if len(python.parts) > 1 else "python", "-m", "pip", "install", *packages]
+    if sys.platform == "win32":
+        import subprocess  # nobody else who raises an error needs it
+
+        return subprocess.list2cmdline(words)
+    return shlex.join(words)

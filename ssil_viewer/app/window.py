@@ -66,9 +66,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     """
     window = open_window("SSIL Viewer", size, vsync)
     try:
-        viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync)
+        viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
         viewer.state.other = other
-        viewer.state.render_scale, viewer.state.ui_scale = image_scale, panel_scale
         viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None
@@ -89,11 +88,13 @@ class Viewer:
         frames: Frames drawn so far.
     """
 
-    def __init__(self, window: GlfwWindow, scene: Scene, settings: Settings, camera: Camera, vsync: bool) -> None:
+    def __init__(self, window: GlfwWindow, scene: Scene, settings: Settings, camera: Camera, vsync: bool,
+                 image_scale: float = 1.0, panel_scale: float = 1.0) -> None:
         self._window = window
         self._ctx = window.ctx
         self.frames = 0
-        self.state = AppState(settings, scene, camera, ui_scale=1.0, vsync=vsync)
+        self.state = AppState(settings, scene, camera, ui_scale=panel_scale, render_scale=image_scale,
+                              vsync=vsync)
         self.state.open_scene(scene, camera)
         self._screen = self._ctx.screen
         self._renderer = Renderer(self._ctx, self._render_size(), settings)
@@ -165,6 +166,7 @@ class Viewer:
 
     def release(self) -> None:
         """Give everything back that hangs on the OpenGL context."""
+        self.actions.benchmark.stop()
         self._follower.release()
         self._gui_renderer.release()
         imgui.destroy_context(self._imgui)

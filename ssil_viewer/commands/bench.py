@@ -58,8 +58,11 @@ def run(args: argparse.Namespace) -> None:
     with measuring.renderer_of(args, rows[0]) as renderer:
         camera = measuring.open_scene(args, renderer)
         bench = Bench(renderer, camera, rows, args.frames)
-        with measuring.progress_bar() as show:
-            bench.run(lambda bench: show(bench.row_name, *bench.progress))
+        try:
+            with measuring.progress_bar() as show:
+                bench.run(lambda bench: show(bench.row_name, *bench.progress))
+        finally:
+            bench.close()
         shared.warn(renderer.warnings)
         report = bench.report()
     measuring.print_tables(tables.heading(report), [tables.sums_table(report), *tables.pass_tables(report)],

@@ -23,9 +23,9 @@ def add_flags(parser: Parser) -> None:
     group.add_argument("--settings-b", metavar="NAME|FILE", help="settings B, shown right of a divider: a preset or a "
                        "TOML file (Ctrl+B)")
     window = parser.add_argument_group("window")
-    window.add_argument("--image-scale", type=values.real("--image-scale", 10, 100), default=100.0, metavar="PERCENT",
+    window.add_argument("--image-scale", type=values.whole("--image-scale", 10, 100), default=100, metavar="PERCENT",
                         help="rendered pixels per pixel of the window, along each side; less is faster (10 to 100)")
-    window.add_argument("--panel-scale", type=values.real("--panel-scale", 75, 300), default=100.0, metavar="PERCENT",
+    window.add_argument("--panel-scale", type=values.whole("--panel-scale", 75, 300), default=100, metavar="PERCENT",
                         help="size of text and panels, on top of what the monitor asks for (75 to 300)")
     add_image_flags(parser, "close the window after this many frames; default: when you close it")
 

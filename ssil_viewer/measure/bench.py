@@ -106,7 +106,7 @@ class Bench:
 
     @property
     def copy(self) -> CopySpeed | None:
-        """Speed of a plain copy, made after each frame; None before the first that counts, and without `floors`."""
+        """Speed of a plain copy, made before each frame; None before the first that counts, and without `floors`."""
         return self._meter.speed if self._meter else self._copy
 
     @property
@@ -131,8 +131,12 @@ class Bench:
         renderer = self.renderer
         if self._meter is None and self._floors:
             self._meter = CopyMeter(renderer.context, renderer.size, renderer.stage)
+            for _ in range(WARM_UP_FRAMES):
+                self._meter.step()
         if (self._scene, self._size) != (renderer.scene, renderer.size):
             raise UserError("the benchmark ended: scene or size changed")
+        if self._meter:
+            self._meter.step()      # first, so that what is bound afterwards is the renderer's own
         if not self._rendered:
             renderer.set_settings(self._waiting[0])
             renderer.reset_history()
@@ -140,8 +144,6 @@ class Bench:
                 renderer.render(self._camera)
         else:
             renderer.render(self._camera)
-        if self._meter:
-            self._meter.step()
         self._rendered += 1
         if renderer.timers.count >= self.frames:
             self._finish_row()
@@ -162,12 +164,12 @@ class Bench:
 
     def close(self) -> None:
         """Give the timers back as they were. `report` goes on telling what was measured."""
+        self.renderer.timers.waits, self.renderer.timers.window = self._before
+        self.renderer.timers.restart()
         if self._meter:
             self._copy = self.copy
             self._meter.release()
             self._meter = None
-        self.renderer.timers.waits, self.renderer.timers.window = self._before
-        self.renderer.timers.restart()
 
     def report(self) -> dict[str, Any]:
         """Everything as JSON has it (docs/benchmarks.md), of the rows measured so far."""

@@ -138,7 +138,8 @@ def report(**changes) -> dict:
                              "times_floor": 4.0 * scale}}
         return {"start_level": 2, "levels": 4, "samples": 64, "visibility": "off", "settings": settings,
                 "passes": passes, "voxelization_ms": 0.0, "indirect_ms": 2.0 * scale, "upsampling_compositing_ms": 1.0,
-                "total_ms": 1.0 + 2.0 * scale, "total_copies": 10.0 + 20.0 * scale, "frame_wall_ms": 8.0, "frame_p10_ms": 7.0, "frame_p90_ms": 12.0,
+                "total_ms": 1.0 + 2.0 * scale, "total_copies": 10.0 + 20.0 * scale,
+                "frame_wall_ms": 8.0, "frame_p10_ms": 7.0, "frame_p90_ms": 12.0,
                 "rest_ms": 0.5, "adds_up": True, "target_bytes": 78_000_000}
 
     return {"program": "ssil-viewer 0", "renderer": "llvmpipe | 256", "version": "4.5", "timer": "wall",
