@@ -43,8 +43,8 @@ uint sector(float low, float high) {
 }
 
 // Elevations that a surface at `place` hides whose visible side is at `front`, and which reaches back from the camera by
-// `thickness`, a share of its distance: as far out as the view ray leads it by then, and as far back as it is longer than the way
-// from the camera to the receiver.
+// `thickness`, a share of its distance. Its back is on the same view ray, 1 + thickness times as far from the camera, and so from
+// the receiver as far out as that, and farther back by the share of the receiver's own distance.
 uint hidden_by(HalfPlane half_plane, float front, vec2 place, float thickness) {
     vec2 back = place * (1.0 + thickness) - vec2(0.0, thickness * half_plane.distance);
     return sector(front, elevation(half_plane, back));

@@ -71,8 +71,8 @@ Incoming positive(Incoming light) {
     return Incoming(max(light.irradiance, 0.0), max(light.back_irradiance, 0.0), light.directions, max(light.weights, 0.0));
 }
 
-// Of such sums, too: their directions are again a mean of unit vectors before the surface. Others would make lobes
-// that shine a hundred times too bright on some pixel.
+// The directions of such sums are again a mean of unit vectors before the surface. Others would make lobes that shine a
+// hundred times too bright on some pixel.
 Incoming bounded(Incoming light, vec3 normal) {
     light.directions -= normal * min(dot(light.directions, normal), 0.0);
     light.directions *= min(1.0, light.weights * inversesqrt(max(dot(light.directions, light.directions), 1e-30)));
@@ -105,7 +105,7 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
         Surface surface = load_blockers(at);
         vec3 offset = position_on_plane(surface, at, place, scale) - receiver.position;
         vec2 in_plane = in_half_plane(half_plane, offset);
-        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;
+        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;      // background; the receiver itself
         blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
     } while (++step, ++i < blocking_steps);
     return blocked;
