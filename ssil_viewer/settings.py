@@ -199,8 +199,8 @@ class Settings:
         "Brightness of the display in stops; never touches exported values.",
         -16.0, 16.0, "EV", affects="display", group="Display")] = 0.0
     tone_map: Annotated[Literal["neutral", "aces", "reinhard", "linear"], Knob(
-        "Curve from radiance to display: neutral (Khronos; leaves shadows and hues as they are), aces (filmic "
-        "contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
+        "Curve from radiance to display: neutral (Khronos; hues of what is lit stay, dark colours lose up to 0.04), "
+        "aces (filmic contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
         affects="display", group="Display")] = "neutral"
     shadow_resolution: Annotated[int, Knob(
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",

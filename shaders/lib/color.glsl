@@ -5,7 +5,8 @@ vec3 tone_map_aces(vec3 c) {
     return clamp(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0);
 }
 
-// Khronos PBR Neutral (2024): identity below 0.76, highlights compressed by their peak, then desaturated.
+// Khronos PBR Neutral (2024): takes up to 0.04 from all channels, is the identity below 0.76 otherwise; highlights are
+// compressed by their peak, then desaturated.
 vec3 tone_map_neutral(vec3 c) {
     const float START = 0.8 - 0.04;
     float low = min(c.r, min(c.g, c.b));

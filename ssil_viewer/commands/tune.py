@@ -24,6 +24,10 @@ many samples. Visibility and all other settings are taken as given; --start-leve
   ssil-viewer tune scene.glb --ms 4 -o mine.toml
   ssil-viewer scene.glb --settings mine.toml"""
 
+_NOTES = ["Errors are against this method at its best, in one frame without the temporal filter: not against real "
+          "light, as those of compare are.",
+          "Times are those of the talk's passes; the scene and its direct light come on top (see bench)."]
+
 
 def add_flags(parser: Parser) -> None:
     """What the command takes."""
@@ -54,8 +58,9 @@ def run(args: argparse.Namespace) -> None:
             tried = tune.tune(renderer, camera, args.ms, pinned, args.frames, show)
         chosen = tune.best(tried, args.ms)
         report = tune.report(renderer, tried, chosen, args.ms)
-    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)],
-                           ["* is the least error within the budget."] if chosen else [], to_stderr=args.json == "-")
+    notes = ["* is the least error within the budget.", *_NOTES] if chosen else _NOTES
+    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)], notes,
+                           to_stderr=args.json == "-")
     measuring.write_files(files, {"json": lambda: tables.to_json(report)})
     if chosen is None:
         raise tune.nothing_within(tried, args.ms)
