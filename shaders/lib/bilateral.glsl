@@ -3,6 +3,9 @@
 // Distance to the plane at which a tap's weight is halved, relative to the view depth.
 const float PLANE_TOLERANCE = 0.01;
 
+// Of a tap in the 5x5 window that sees each of 4x4 texels, in which samples differ, once: x from -2 to 2, row from 0 to 4.
+float window_weight(int x, int row) { return (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
+
 // The tangent plane of a receiver.
 struct Plane {
     vec3 normal;

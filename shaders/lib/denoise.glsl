@@ -15,7 +15,7 @@ vec3 without_noise(ivec2 px, Surface receiver) {
         for (int x = -2; x <= 2; ++x) {
             ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
             Surface tap = load_surface(at);
-            float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+            float weight = window_weight(x, row)
                          * agreement(plane, slanted, tap, vec2(at - px));
             sum += load_noisy(at) * weight;
             total += weight;

@@ -27,7 +27,7 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
                 ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
                 Reflection tap = load_glossy_gather(at);
                 Surface there = load_surface(at);
-                float weight = (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0)
+                float weight = window_weight(x, row)
                              * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
                 add_reflection(sum, tap, weight);
             }
