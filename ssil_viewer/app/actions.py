@@ -12,7 +12,8 @@ import numpy as np
 
 from ssil_viewer.app import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
-from ssil_viewer.app.camera_control import CameraControl, camera_flags
+from ssil_viewer.app.camera_control import camera_flags
+from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.other_settings import OtherSettings
 from ssil_viewer.app.reference import WindowReference
@@ -74,6 +75,7 @@ class Actions:
         self.benchmark = WindowBenchmark(state, renderer)
         self.reference = WindowReference(state, renderer)
         self.other = OtherSettings(state, renderer)
+        self.exposure = ExposureChoice(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
@@ -109,6 +111,11 @@ class Actions:
     def show_next(self) -> None:
         """Go round both, direct, indirect, glossy."""
         self.show(_SHOW_MODES[(_SHOW_MODES.index(self.state.settings.show) + 1) % len(_SHOW_MODES)])
+
+    @_shows_errors
+    def meter_exposure(self) -> None:
+        """Choose the exposure from the light that is shown."""
+        self.exposure.meter()
 
     def step_buffer_back(self) -> None:
         """Show the previous buffer; before the first comes the image."""
@@ -328,7 +335,7 @@ class Actions:
         height, width = depth.shape[:2]
         metres = float(depth[min(int(v * height), height - 1), min(int(u * width), width - 1)])
         if metres > 0.0:
-            self.state.camera.focus(_point_at(self.state.camera, u, v, width / height, metres))
+            self.state.camera.focus(self.state.camera.point_at(u, v, width / height, metres))
 
     def copy_camera(self) -> None:
         """Put the flags that repeat the present view on the clipboard."""
@@ -432,13 +439,8 @@ class Actions:
         if settings is not None:
             self.state.settings = settings
             self.state.say("Settings and camera of the picture")
+        elif camera is None:
+            self.exposure.scene_opened()
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"
                        + (f", {count} warning{'s' if count > 1 else ''}: see Scene" if count else ""))
-
-
-def _point_at(camera: CameraControl, u: float, v: float, aspect: float, view_depth: float) -> np.ndarray:
-    """(3,) world position at a place of the image and a distance along the view direction."""
-    tangent = np.tan(camera.vertical_fov / 2)
-    ray = (camera.forward + (2 * u - 1) * aspect * tangent * camera.right + (1 - 2 * v) * tangent * camera.screen_up)
-    return camera.eye + view_depth * ray

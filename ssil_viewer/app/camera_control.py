@@ -154,6 +154,18 @@ class CameraControl:
             self.near = None
             self.jumped = True
 
+    def point_at(self, u: float, v: float, aspect: float, view_depth: float) -> np.ndarray:
+        """(3,) world position at a place of the image.
+
+        Args:
+            u, v: From 0 to 1, rightward and downward.
+            aspect: Width over height.
+            view_depth: Distance along the view direction.
+        """
+        tangent = np.tan(self.vertical_fov / 2)
+        ray = self.forward + (2 * u - 1) * aspect * tangent * self.right + (1 - 2 * v) * tangent * self.screen_up
+        return self.eye + view_depth * ray
+
     def frame(self, low: np.ndarray, high: np.ndarray, aspect: float) -> None:
         """Step back along the view direction until a box fits into the image.
 

@@ -47,6 +47,7 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("D", "Show direct light only (not while flying: there D moves)", "Image", "show_direct", (Chord("D"),)),
     Binding("I", "Show indirect light only", "Image", "show_indirect", (Chord("I"),)),
     Binding("L", "Next of both, direct, indirect, glossy", "Image", "show_next", (Chord("L"),)),
+    Binding("M", "Choose the exposure from the picture", "Image", "meter_exposure", (Chord("M"),)),
     Binding("[ or ]", "Previous or next buffer in place of the image", "Image", "step_buffer_back",
             (Chord("LEFT_BRACKET"),)),
     Binding(", or .", "Finer or coarser mip level of that buffer", "Image", "step_level_down", (Chord("COMMA"),)),

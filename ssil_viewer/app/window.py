@@ -47,7 +47,7 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
                camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
                reference: ReferenceKind = "off", other: Settings | None = None, image_scale: float = 1.0,
-               panel_scale: float = 1.0) -> None:
+               panel_scale: float = 1.0, choose_exposure: bool = False) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -60,6 +60,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         other: Settings B, shown beside the picture, unless a reference is.
         image_scale: Rendered pixels per pixel of the window, along each side.
         panel_scale: Of text and panels, on top of what the monitor asks for.
+        choose_exposure: The one of `settings` is nobody's choice: if the scene is seen nearly black or white with it,
+            another is chosen.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -68,6 +70,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
         viewer.state.other = other
+        if choose_exposure:
+            viewer.actions.exposure.scene_opened()
         viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None
@@ -222,6 +226,8 @@ class Viewer:
             self.actions.save_pixels(self._window_pixels())
         if measuring or self._follower.rendered_view is None:
             return      # what follows reads back, which would disturb every frame, and needs one
+        if self._rendered and not self.state.preparing:
+            self.actions.exposure.frame_rendered()
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now

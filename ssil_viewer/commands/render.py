@@ -46,6 +46,8 @@ def add_flags(parser: Parser) -> None:
     add_scene(parser, "builtin:atrium")
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="a file that ends in .png, .exr or .npz")
     parser.add_argument("--view", metavar="NAME[@LEVEL]", help="write this buffer, at this mip level, as the image")
+    parser.add_argument("--auto-exposure", action="store_true", help="choose the exposure from the picture; --exposure "
+                        "is added to it")
     parser.add_argument("--timings", action="store_true", help="print the time of each pass")
     add_image_flags(
         parser,
@@ -78,10 +80,17 @@ def run(args: argparse.Namespace) -> None:
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)
                 renderer.timers.waits |= args.timings
-                _render_frames(renderer, camera, frames)
+                _render_frames(renderer, camera, frames - 1 if args.auto_exposure else frames)
+                exposed = ""
+                if args.auto_exposure:
+                    settings = _expose(renderer, camera, settings, first=frames == 1)
+                    exposed = f", exposure {settings.exposure:+.3g} EV"
                 shared.warn(renderer.warnings)
                 _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
-                print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''})")
+                print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''}"
+                      f"{exposed})")
+                if target.suffix.lower() == ".png" and not (view or exposed or hasattr(args, "exposure")):
+                    _warn_of_exposure(renderer)
                 if args.timings:
                     print_timings(renderer)
             finally:
@@ -135,6 +144,39 @@ def _render_frames(renderer: Renderer, camera: Camera, frames: int) -> None:
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("rendering", total=frames)
         render_frames(renderer, camera, frames, lambda done: progress.update(task, completed=done))
+
+
+def _expose(renderer: Renderer, camera: Camera, settings: Settings, first: bool) -> Settings:
+    """Renders the last frame with the exposure that those before it ask for; the same picture as with `--exposure`.
+
+    Args:
+        first: There is none before it.
+
+    Returns:
+        The settings with that exposure.
+    """
+    from ssil_viewer.metering import meter
+
+    if first:
+        renderer.render(camera)
+    exposure = round(meter(renderer) + settings.exposure, 3)    # 0.3, not 0.1 + 0.2
+    exposure = min(max(exposure, -16.0), 16.0)
+    settings = settings.replaced({"exposure": exposure})
+    renderer.set_settings(settings)
+    if first:
+        renderer.reset_history()
+    renderer.render(camera)
+    return settings
+
+
+def _warn_of_exposure(renderer: Renderer) -> None:
+    """Tells of a picture that is nearly black or white."""
+    from ssil_viewer.metering import FAR_OFF, meter
+
+    change = meter(renderer) - renderer.settings.exposure
+    if abs(change) >= FAR_OFF:
+        kind = "dark" if change > 0 else "bright"
+        shared.warn([f"the picture is very {kind}: --auto-exposure would change it by {change:+.1f} EV"])
 
 
 def _write(target: Path, renderer: Renderer, view: tuple[str, int] | None, metadata: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ import sys
 from ssil_viewer.commands import shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
+from ssil_viewer.settings import Settings
 
 USAGE = "[SCENE] [flags]"
 EPILOG = "The keys and the mouse are explained in the window: press F1."
@@ -46,7 +47,8 @@ def run(args: argparse.Namespace) -> None:
 
     run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
                reference=args.reference or "off", other=other, image_scale=args.image_scale / 100,
-               panel_scale=args.panel_scale / 100)
+               panel_scale=args.panel_scale / 100,
+               choose_exposure=not hasattr(args, "exposure") and settings.exposure == Settings().exposure)
 
 
 def check_display() -> None:

@@ -542,6 +542,45 @@ def test_every_panel_draws_at_every_scale(viewer, monkeypatch, scale):
     turn(viewer, 2)
 
 
+def test_a_dark_scene_opens_with_an_exposure_unless_the_user_chose_one(viewer, scene):
+    lights = tuple(dataclasses.replace(light, intensity=light.intensity / 500) for light in scene.lights)
+    dim = dataclasses.replace(scene, lights=lights)
+    choice, state = viewer.actions.exposure, viewer.state
+    assert state.settings.exposure == 0.0, "the box itself needs none"
+    viewer._renderer.set_scene(dim)
+    state.open_scene(dim, default_camera(dim))
+    choice.scene_opened()
+    turn(viewer)
+    chosen = state.settings.exposure
+    assert chosen > 5.0 and viewer._renderer.settings.exposure == chosen
+    assert picture(viewer).mean() > 40
+    # The next scene is looked at anew; a choice of the user's stays
+    choice.scene_opened()
+    assert state.settings.exposure == 0.0
+    turn(viewer)
+    assert state.settings.exposure == pytest.approx(chosen, abs=0.2)
+    state.settings = dataclasses.replace(state.settings, exposure=1.0)
+    choice.scene_opened()
+    turn(viewer)
+    assert state.settings.exposure == 1.0
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "m")
+    assert state.settings.exposure == pytest.approx(chosen, abs=0.2)
+
+
+@pytest.mark.parametrize("show", ["both", "direct", "indirect", "glossy"])
+def test_the_exposure_is_that_of_the_light_that_is_shown(viewer, show):
+    viewer._renderer.set_scene(glossy := load_scene("builtin:glossy"))
+    viewer.state.open_scene(glossy, default_camera(glossy))
+    viewer.actions.show(show)
+    turn(viewer)
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "m")
+    turn(viewer)
+    linear = np.where(picture(viewer).max(-1) > 8, (picture(viewer).mean(-1) / 255) ** 2.2, np.nan)
+    assert 0.02 < np.nanmedian(linear) < 0.4
+
+
 def test_run_window_closes_after_the_frames_that_were_asked_for(display, scene):
     run_window(scene, SETTINGS, (320, 200), frames=3)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -189,3 +190,32 @@ def test_info_needs_no_opengl(tmp_path):
     environment = {**os.environ, "EGL_PLATFORM": "none", "__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
     done = ssil_viewer("info", "builtin:cornell", cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture
+def dim_lights(tmp_path) -> list[str]:
+    """Flags for a lamp of a thousandth of the usual light."""
+    path = tmp_path / "dim.toml"
+    path.write_text('[[light]]\nkind = "point"\nposition = [0, 5, -3]\nintensity = 0.02\n')
+    return ["--lights", str(path)]
+
+
+@pytest.mark.parametrize("frames", ["1", "2"])
+def test_auto_exposure_is_the_exposure_that_it_names(dim_lights, tmp_path, frames):
+    common = ["builtin:cornell", *FAST, "--frames", frames, *dim_lights]
+    done = ssil_viewer("render", *common, "--auto-exposure", "-o", "auto.png", cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    named = re.search(r", exposure (\+[0-9.]+) EV\)$", done.stdout.strip())[1]
+    assert float(named) > 4.0
+    ssil_viewer("render", *common, "--exposure", named, "-o", "named.png", cwd=tmp_path)
+    assert (tmp_path / "auto.png").read_bytes() == (tmp_path / "named.png").read_bytes()
+    assert 40 < np.asarray(Image.open(tmp_path / "auto.png")).mean() < 160
+    done = ssil_viewer("render", *common, "--auto-exposure", "--exposure", "-1.5", "-o", "less.png", cwd=tmp_path)
+    assert f"exposure {float(named) - 1.5:+.3g} EV" in done.stdout
+
+
+def test_a_picture_that_is_nearly_black_is_told_of(dim_lights, tmp_path):
+    common = ["builtin:cornell", *FAST, *dim_lights, "-o", "dark.png"]
+    assert "very dark: --auto-exposure would change it by +" in ssil_viewer("render", *common, cwd=tmp_path).stderr
+    for chosen in (["--exposure", "0"], ["--auto-exposure"], ["--view", "normal"]):
+        assert ssil_viewer("render", *common, *chosen, cwd=tmp_path).stderr == ""

@@ -18,6 +18,7 @@ LAYERS = (
     ("passes",),
     ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
     ("pipeline", "compile_ahead"),
+    ("metering",),
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),

@@ -28,6 +28,10 @@ def draw(state: AppState, actions: Actions) -> None:
         imgui.separator_text(group)
         for info in infos:
             row(state, actions, info)
+            if info.name == "exposure":
+                if imgui.button("Auto exposure"):
+                    actions.meter_exposure()
+                widgets.hint(f"Choose the exposure from the picture ({keys.shortcut('meter_exposure')})")
     imgui.spacing()
     if imgui.button("Reset all"):
         actions.set_settings(Settings())
