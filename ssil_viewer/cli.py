@@ -81,7 +81,11 @@ def _dispatch(arguments: list[str]) -> int:
     command: ModuleType = importlib.import_module(f"ssil_viewer.commands.{name}")
     parser = Parser(f"{_PROGRAM} {name}", command.USAGE, COMMANDS[name].capitalize() + ".", command.EPILOG)
     command.add_flags(parser)
-    command.run(parser.parse(rest))
+    parsed = parser.parse(rest)
+    scene = getattr(parsed, "scene", None)
+    if scene in COMMANDS and not Path(scene).exists():
+        raise UserError(f"{scene} is a command, not a scene", "", f"begin with {_PROGRAM} {scene}")
+    command.run(parsed)
     return 0
 
 

@@ -75,6 +75,8 @@ def run(args: argparse.Namespace) -> None:
     target = output.check_target(args.json, (".json",)) if args.json not in (None, "-") else None
     pictures = output.check_target(args.pictures, (".npz",)) if args.pictures else None
     heat_map = output.check_target(args.heat_map, (".png",)) if args.heat_map else None
+    for path in filter(None, (target, pictures, heat_map)):
+        output.check_writable(path)
     references = _references(args.reference)
     if heat_map is not None and not {"R1", "R2"} & set(references):
         raise UserError("a heat map shows the error against R1 or R2", "--heat-map", "name one of them in --reference")

@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> None:
     target = output.check_target(args.output, FORMATS)
     view = _parse_view(args.view) if args.view is not None else None
     settings = shared.settings_of(args)
+    output.check_writable(target)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
 
     from ssil_viewer.compile_ahead import compiling_ahead

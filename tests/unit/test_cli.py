@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import shlex
 import subprocess
 import sys
@@ -210,7 +211,7 @@ def ran(monkeypatch):
 
 @pytest.mark.parametrize("words, expected", [
     ([], ("view", "builtin:atrium")), (["a.glb"], ("view", "a.glb")), (["view", "a.glb"], ("view", "a.glb")),
-    (["view", "render"], ("view", "render")), (["./render"], ("view", "./render")),
+    (["./render"], ("view", "./render")),
     (["--debug", "info", "a.glb"], ("info", "a.glb")), (["--size", "3x7", "a.glb"], ("view", "a.glb")),
     (["builtin:cornell"], ("view", "builtin:cornell")), (["scenes"], ("scenes", None)),
     (["render", "-o", "x.png"], ("render", "builtin:atrium")), (["view", "--", "-odd.glb"], ("view", "-odd.glb")),
@@ -232,13 +233,16 @@ def test_the_commands_in_the_readme_are_understood(ran):
 def test_a_file_needs_no_ending_to_be_a_scene(ran, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "model").touch()
+    (tmp_path / "render").touch()
     assert cli.main(["model"]) == 0
-    assert ran == [("view", "model")]
+    assert cli.main(["view", "render"]) == 0
+    assert ran == [("view", "model"), ("view", "render")]
 
 
 @pytest.mark.parametrize("words, hint", [
     (["rendr"], "did you mean render?"), (["xyzzy"], "see ssil-viewer --help"), (["info"], "SCENE is missing"),
     (["a.glb", "b.glb"], "unexpected argument 'b.glb'"), (["render", "a.glb"], "--output is missing"),
+    (["--frames", "5", "view"], "begin with ssil-viewer view"), (["info", "bench"], "bench is a command"),
     (["render", "-o"], "value is missing"), (["view", "--temporal=1"], "takes no value"),
 ])
 def test_complaints_are_one_line_and_status_2(ran, capsys, words, hint):
@@ -279,6 +283,24 @@ def test_help(words, capsys):
 def test_version(capsys):
     assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out == f"ssil-viewer {__version__}\n"
+
+
+@pytest.mark.parametrize("words", [
+    ["render", "-o", "a.png"], ["compare", "--json", "a.json"], ["compare", "--heat-map", "a.png"],
+    ["compare", "--pictures", "a.npz"]])
+def test_a_full_disk_is_met_before_anything_is_rendered(words, tmp_path, monkeypatch, capsys):
+    def full(path, *_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def too_late(*_, **__):
+        raise AssertionError("the scene was loaded first")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Path, "touch", full)
+    monkeypatch.setattr(shared, "load", too_late)
+    assert cli.main(words) == 2
+    assert "No space left" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_view_without_a_display_says_so(monkeypatch):
