@@ -26,6 +26,23 @@ HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
     return HalfPlane(to_camera, outward, squared * inverse_distance, 1.0 / max(span, 1e-3));
 }
 
+// What all half-planes of a receiver share: `outward` and `inverse_span` are those of one, see `turn_to`.
+HalfPlane half_planes_of(vec3 position) {
+    float squared = max(dot(position, position), 1e-30), inverse_distance = inversesqrt(squared);
+    return HalfPlane(-position * inverse_distance, vec3(0.0), squared * inverse_distance, 1.0);
+}
+
+// Takes the half-plane in which something lies, and returns its place there; `outward` is not set.
+// squared: length of the offset. normal_height: dot(normal, offset). normal_facing: dot(normal, to_camera), not negative.
+vec2 turn_to(inout HalfPlane half_plane, vec3 offset, float squared, float normal_height, float normal_facing) {
+    float towards = dot(offset, half_plane.to_camera), outward = sqrt(max(squared - towards * towards, 0.0));
+    // `make_half_plane` with both numbers times `outward`
+    float camera_side = normal_facing * outward, out_side = towards * normal_facing - normal_height;
+    float both = max(camera_side + abs(out_side), 1e-30);
+    half_plane.inverse_span = both / max(both - out_side, 1e-3 * both);
+    return vec2(outward, towards);
+}
+
 // Where something is in the half-plane: how far outward and how far towards the camera from the receiver.
 vec2 in_half_plane(HalfPlane half_plane, vec3 offset) {
     return vec2(dot(offset, half_plane.outward), dot(offset, half_plane.to_camera));

@@ -12,9 +12,9 @@ float phong_exponent(float roughness) {
     return clamp(0.5 / max(alpha * alpha, 1e-8) - 0.5, LEAST_EXPONENT, LARGEST_EXPONENT);
 }
 
-// Exponent of a lobe that is blurred over a disc of squared angular radius `disc` (its tangent's): variances add,
-// about 1 / e of the lobe along each axis, a quarter of the squared radius of the disc.
-float widened_exponent(float exponent, float disc) { return exponent / (1.0 + 0.25 * exponent * disc); }
+// What the exponent is multiplied by where a lobe is blurred over a disc of the squared angular radius above / below (its
+// tangent's): variances add, about 1 / e of the lobe along each axis, a quarter of the squared radius of the disc. below > 0.
+float narrowing_by_disc(float exponent, float above, float below) { return below / (below + 0.25 * exponent * above); }
 
 // (e + 2) / (2 pi) cos^e, sr^-1; lobe_cos > 0.
 float phong_lobe(float exponent, float lobe_cos) {

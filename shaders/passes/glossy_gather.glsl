@@ -42,18 +42,37 @@ Wedge wedge_of(Receiver receiver, Mirror mirror) {
     return Wedge(0.0, TURN);
 }
 
-// A texel is taken as a whole, as wide as it is: so much is added to each side of the wedge, in texels, for the texels
-// that lie half in it and for the lobes that widen to a texel's size.
+// A texel is taken as a whole, as wide as it is: the wedge is so much wider on each side, in texels, for the texels that
+// lie half in it and for the lobes that widen to a texel's size.
 const float WEDGE_MARGIN = 1.5;
 
-float width_at(Wedge wedge, float radius) {
-    return min(wedge.width + 2.0 * WEDGE_MARGIN / max(radius, 0.1), TURN);
+// A line of samples, one of those that go from edge to edge of the wedge: along a ray of it, but moved aside, since the
+// margin is as wide everywhere.
+struct Row {
+    vec2 direction;
+    float aside;            // -1 to 1
+};
+
+// across: 0 at one edge, 1 at the other.
+Row row_of(Wedge wedge, float across) {
+    return Row(direction_from_angle(wedge.middle + (across - 0.5) * wedge.width), 2.0 * across - 1.0);
 }
 
-// What a sample at a radius adds up to over the wedge's width there. at: from 0 to 1 across the wedge.
-ivec2 texel_at(Receiver receiver, Wedge wedge, float width, float radius, float at) {
-    float angle = wedge.middle + (at - 0.5) * width;
-    return ivec2(floor(vec2(receiver.px) + 0.5 + vec2(cos(angle), sin(angle)) * radius));
+// Margin on each side at a radius: no more than closes the disc.
+float margin_at(Wedge wedge, float radius) { return min(WEDGE_MARGIN, 0.5 * (TURN - wedge.width) * radius); }
+
+ivec2 texel_at(Receiver receiver, Row row, float radius, float margin) {
+    vec2 sideways = vec2(-row.direction.y, row.direction.x);
+    return ivec2(floor(vec2(receiver.px) + 0.5 + row.direction * radius + sideways * (row.aside * margin)));
+}
+
+// Texels that a sample stands for: rays part by the wedge's angle times the radius, plus both margins.
+float texels_of(Wedge wedge, Ring ring, vec2 place, float margin) {
+#if SPACING == 0
+    return (wedge.width * place.x + 2.0 * margin) * ring.step;
+#else
+    return (wedge.width + 2.0 * margin / max(place.x, 1e-3)) * place.y;
+#endif
 }
 
 // Levels take turns gradually: a narrow lobe ends within a few texels, and pixels between two coarse receivers would
@@ -71,44 +90,44 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
     if (lobe_cos <= 0.0 || receiver_cos <= 0.0) return 0.0;
     Disc disc = texel_disc(sender);
     // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
-    float exponent = widened_exponent(mirror.exponent, disc.above / (disc.below * sender.distance_squared));
+    float narrowing = narrowing_by_disc(mirror.exponent, disc.above, disc.below * sender.distance_squared);
     // The cosine where texel and lobe overlap: the mean of the product of two Gaussians. With the texel's own, surfaces
     // that are seen at a grazing angle reflected up to half too much.
-    float overlap_cos = mix(mirror.n_dot_r, receiver_cos, exponent / mirror.exponent);
-    return phong_lobe(exponent, min(lobe_cos, 1.0)) * mirror.scale * PI * overlap_cos
+    float overlap_cos = mix(mirror.n_dot_r, receiver_cos, narrowing);
+    return phong_lobe(mirror.exponent * narrowing, min(lobe_cos, 1.0)) * mirror.scale * PI * overlap_cos
          * form_factor(sender, disc, texels);
 }
 
 #if VISIBILITY == 2
 // Rows of samples that lead away from the receiver; see gather.glsl.
 vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
-    vec2 scale = frame.ray_scale * texel;
+    HalfPlane half_plane = half_planes_of(receiver.position);
+    float normal_facing = abs(dot(receiver.normal, half_plane.to_camera));
     int inner_steps = inner_radius > 0.0 ? (steps + 1) / 2 : 0;
     Ring inside = make_ring(0.0, inner_radius, inner_steps), ring = make_ring(inner_radius, frame.radius, steps);
     vec3 sum = vec3(0.0);
     int d = 0;
     do {
-        float across = (float(d) + jitter.x) / float(directions);
+        Row row = row_of(wedge, (float(d) + jitter.x) / float(directions));
         float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
         uint blocked = 0u;
         int i = 0;
         do {
             bool is_inner = i < inner_steps;
             vec2 place = is_inner ? ring_place(inside, float(i) + shift) : ring_place(ring, float(i - inner_steps) + shift);
-            float width = width_at(wedge, place.x);
-            ivec2 at = texel_at(receiver, wedge, width, place.x, across);
+            float margin = margin_at(wedge, place.x);
+            ivec2 at = texel_at(receiver, row, place.x, margin);
             if (!may_see(receiver, at)) continue;
             Sender sender = look_at(receiver, at);
             if (!is_seen(sender)) continue;
-            // Close to the receiver the wedge's margin bends the row: each sample has its own half-plane, or the
-            // receiver's own surface would seem to rise above itself
-            HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal,
-                                                   vec3(vec2(at - receiver.px) * scale, 0.0));
-            vec2 in_plane = in_half_plane(half_plane, sender.offset);
+            // The margin moves rows aside: each sample has its own half-plane, or the receiver's own surface would seem
+            // to rise above itself
+            float height = dot(receiver.normal, sender.offset);
+            vec2 in_plane = turn_to(half_plane, sender.offset, sender.distance_squared, height, normal_facing);
             float front = elevation(half_plane, in_plane);
             if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
-                float share = reflectance(receiver, mirror, sender, width / float(directions) * place.y)
-                            * ring_weight(place.x);
+                float texels = texels_of(wedge, ring, place, margin) / float(directions);
+                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
             blocked |= hidden_by(half_plane, front, in_plane, frame.thickness);
@@ -128,14 +147,15 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
     int i = 0;
     do {
         vec2 place = ring_place(ring, float(i) + jitter.y);
-        float width = width_at(wedge, place.x);
         // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
-        float across = fract(jitter.x + float(i) * GOLDEN_TURN);
-        ivec2 at = texel_at(receiver, wedge, width, place.x, across);
+        Row row = row_of(wedge, fract(jitter.x + float(i) * GOLDEN_TURN));
+        float margin = margin_at(wedge, place.x);
+        ivec2 at = texel_at(receiver, row, place.x, margin);
         if (!may_see(receiver, at)) continue;
         Sender sender = look_at(receiver, at);
         if (!is_seen(sender)) continue;
-        float share = reflectance(receiver, mirror, sender, width * place.y) * ring_weight(place.x);
+        float texels = texels_of(wedge, ring, place, margin);
+        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
 #if VISIBILITY == 1

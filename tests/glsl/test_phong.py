@@ -42,6 +42,6 @@ def test_the_cone_holds_the_lobe(context):
 def test_widened_lobes(context):
     """Never narrower than before, never below zero, and as wide as the disc where that is much wider than the lobe."""
     values = np.array([(312, 0), (312, 1e-3), (312, 100), (10000, 0.04), (1, 1e6)], np.float32)
-    found = evaluate(context, PHONG, "result.r = widened_exponent(a.r, a.g);", values)[:, 0]
+    found = evaluate(context, PHONG, "result.r = a.r * narrowing_by_disc(a.r, 7.0 * a.g, 7.0);", values)[:, 0]
     assert found[0] == 312 and (found >= 0).all() and (np.diff(found[:3]) < 0).all()
     assert found[3] == pytest.approx(100, rel=0.02), "4 / 0.04"

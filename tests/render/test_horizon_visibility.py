@@ -143,3 +143,27 @@ def test_elevations_are_in_the_order_of_angles(context):
     sure = (np.abs(middle - first) > 1e-3) & (np.abs(middle - end) > 1e-3)
     assert (hidden == ((middle > first) & (middle < end)))[sure].all()
     assert 0.05 < hidden.mean() < 0.5
+
+
+def test_the_half_plane_towards_something_is_that_of_its_row(context):
+    """What lies in a row's half-plane has the place and the elevation there that `turn_to` finds without the row."""
+    rng = np.random.default_rng(4)
+    position = rng.normal(size=(2000, 3)) * (1, 1, 0) - (0, 0, 3)
+    along = rng.normal(size=(2000, 3)) * (1, 1, 0)
+    to_camera = -position / np.linalg.norm(position, axis=1, keepdims=True)
+    normal = rng.normal(size=(2000, 3)) + 2 * to_camera
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    outwards, towards = rng.uniform(0.05, 2.0, (2000, 1)), rng.uniform(-2.0, 2.0, (2000, 1))
+    seen = np.sum(normal * to_camera, 1) > 0.02
+    offset = outwards * (along - to_camera * np.sum(along * to_camera, 1, keepdims=True)) + towards * to_camera
+    arguments = [values[seen] for values in (position, normal, along, offset)]
+    row = evaluate(context, ("lib/horizon.glsl",), "HalfPlane plane = make_half_plane(a.xyz, b.xyz, c.xyz);"
+                   "result.xy = in_half_plane(plane, d.xyz); result.z = elevation(plane, result.xy);"
+                   "result.w = plane.inverse_span;", *arguments)
+    alone = evaluate(context, ("lib/horizon.glsl",), "HalfPlane plane = half_planes_of(a.xyz);"
+                     "float height = dot(b.xyz, d.xyz), facing = dot(b.xyz, plane.to_camera);"
+                     "result.xy = turn_to(plane, d.xyz, dot(d.xyz, d.xyz), height, facing);"
+                     "result.z = elevation(plane, result.xy); result.w = plane.inverse_span;", *arguments)
+    assert seen.mean() > 0.9
+    np.testing.assert_allclose(alone[:, :2], row[:, :2], atol=2e-3)
+    np.testing.assert_allclose(alone[:, 2:], row[:, 2:], rtol=2e-3, atol=2e-3)
