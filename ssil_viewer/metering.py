@@ -6,27 +6,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ssil_viewer.settings import knobs
+
 if TYPE_CHECKING:
     from ssil_viewer.pipeline import Renderer
 
 MIDDLE_GREY = 0.18
-"""Display luminance, linear, that the mean of the picture gets: a grey card's."""
+"""Luminance times exposure, before the tone curve, that the mean of the picture gets: a grey card's."""
 
 HIGHLIGHTS = 4.0
-"""Most that the brightest pixels get, as a multiple of the display's white; tone curves bring back some of it."""
-
-# Percentiles between which the mean is taken, so that neither black corners nor a lamp decides, and the one that counts
-# as brightest
-_DARKEST, _LIGHTEST, _BRIGHTEST = 10.0, 90.0, 97.0
+"""Most luminance times exposure that the brightest pixels get; curves other than `linear` bring some of it back."""
 
 FAR_OFF = 2.0
 """EV from which on a picture is so dark or so bright that people should be told, or helped."""
+
+# Percentiles beyond which pixels count like those at them, so that neither black corners nor a lamp decides, and the
+# one that counts as brightest
+_DARKEST, _LIGHTEST, _BRIGHTEST = 10.0, 90.0, 97.0
 
 _DECIMALS = 1   # finer is noise
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-def metered_exposure(radiance: np.ndarray) -> float:
+def metered_exposure(radiance: np.ndarray, counts: np.ndarray | None = None) -> float | None:
     """The exposure for a picture: its mean becomes middle grey, unless the highlights would burn out.
 
     Source: Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images", for the geometric mean and the
@@ -35,30 +37,38 @@ def metered_exposure(radiance: np.ndarray) -> float:
     Args:
         radiance: (H, W, 3), linear, before exposure. Pixels without light do not count, nor do those that are no
             number.
+        counts: (H, W) bool, whether a pixel is part of the mean, where any is; all are part of the highlights.
 
     Returns:
-        EV in steps of a tenth, within the range of `Settings.exposure`; 0 where nothing shines.
+        EV in steps of a tenth, within the range of `Settings.exposure`; None where nothing shines.
     """
-    luminance = radiance.reshape(-1, 3) @ _LUMINANCE
-    luminance = luminance[np.isfinite(luminance) & (luminance > 0.0)]
-    if not luminance.size:
-        return 0.0
-    low, high, brightest = np.percentile(luminance, [_DARKEST, _LIGHTEST, _BRIGHTEST])
-    middle = luminance[(luminance >= low) & (luminance <= high)]
-    for_mean = np.log2(MIDDLE_GREY) - np.log2(middle, dtype=np.float64).mean()
-    for_highlights = np.log2(HIGHLIGHTS / brightest)
-    return float(np.clip(round(float(min(for_mean, for_highlights)), _DECIMALS), -16.0, 16.0))
+    luminance = radiance @ _LUMINANCE
+    lit = np.isfinite(luminance) & (luminance > 0.0)
+    if not lit.any():
+        return None
+    brightest = np.percentile(luminance[lit], _BRIGHTEST)
+    of_mean = lit & counts if counts is not None and (lit & counts).any() else lit
+    stops = np.log2(luminance[of_mean], dtype=np.float64)
+    middle = np.clip(stops, *np.percentile(stops, [_DARKEST, _LIGHTEST])).mean()
+    return limited(round(float(min(np.log2(MIDDLE_GREY) - middle, np.log2(HIGHLIGHTS / brightest))), _DECIMALS))
 
 
-def meter(renderer: Renderer) -> float:
-    """The exposure for what the renderer's picture showed in its last frame.
+def limited(exposure: float) -> float:
+    """The exposure within the range of the setting, EV."""
+    knob = next(info.knob for info in knobs() if info.name == "exposure")
+    return min(max(exposure, knob.low), knob.high)
 
-    It is taken from the kinds of light that `show` selects. Of glossy reflection the part at normal incidence counts
-    where `glossy` is not kept: enough for a tenth of a stop.
+
+def meter(renderer: Renderer) -> float | None:
+    """The exposure for what the renderer's picture showed in its last frame; None where nothing shines.
+
+    It is taken from the kinds of light that `show` selects; backdrops count for the highlights alone. Where `glossy` is
+    not kept it is calculated as if all view rays were parallel.
     """
     found, show = renderer.buffers(), renderer.settings.show
+    counts = renderer.read("view_depth") > 0.0
     if show == "both" and "final" in found:
-        return metered_exposure(renderer.read("final"))
+        return metered_exposure(renderer.read("final"), counts)
     width, height = renderer.size
     radiance = np.zeros((height, width, 3), np.float32)
     if show in ("both", "direct"):
@@ -68,5 +78,8 @@ def meter(renderer: Renderer) -> float:
     if show != "direct" and "glossy" in found:
         radiance += renderer.read("glossy")
     elif show != "direct" and "reflection" in found:
-        radiance += renderer.read("specular") * renderer.read("reflection")
-    return metered_exposure(radiance)
+        f0, away = renderer.read("specular"), np.clip(1.0 - renderer.read("normal")[..., 2], 0.0, 1.0)
+        # Schlick's approximation with a rough surface's limit, as `fresnel_rough` in shaders/lib/brdf.glsl
+        rise = np.maximum(1.0 - renderer.read("roughness")[..., None] - f0, 0.0) * (f0.max(-1, keepdims=True) > 0.0)
+        radiance += renderer.read("reflection") * (f0 + rise * away[..., None] ** 5)
+    return metered_exposure(radiance, counts)

@@ -33,11 +33,11 @@ HalfPlane half_planes_of(vec3 position) {
 }
 
 // Takes the half-plane in which something lies, and returns its place there; `outward` is not set.
-// squared: length of the offset. normal_height: dot(normal, offset). normal_facing: dot(normal, to_camera), not negative.
+// squared: length of the offset. normal_height: dot(normal, offset). normal_facing: dot(normal, to_camera).
 vec2 turn_to(inout HalfPlane half_plane, vec3 offset, float squared, float normal_height, float normal_facing) {
     float towards = dot(offset, half_plane.to_camera), outward = sqrt(max(squared - towards * towards, 0.0));
     // `make_half_plane` with both numbers times `outward`
-    float camera_side = normal_facing * outward, out_side = towards * normal_facing - normal_height;
+    float camera_side = abs(normal_facing) * outward, out_side = towards * normal_facing - normal_height;
     float both = max(camera_side + abs(out_side), 1e-30);
     half_plane.inverse_span = both / max(both - out_side, 1e-3 * both);
     return vec2(outward, towards);

@@ -46,25 +46,24 @@ Wedge wedge_of(Receiver receiver, Mirror mirror) {
 // lie half in it and for the lobes that widen to a texel's size.
 const float WEDGE_MARGIN = 1.5;
 
+// Half of the width that is added. The whole disc needs none.
+float margin_of(Wedge wedge) { return wedge.width < TURN ? WEDGE_MARGIN : 0.0; }
+
 // A line of samples, one of those that go from edge to edge of the wedge: along a ray of it, but moved aside, since the
 // margin is as wide everywhere.
 struct Row {
     vec2 direction;
-    float aside;            // -1 to 1
+    vec2 aside;             // texels
 };
 
 // across: 0 at one edge, 1 at the other.
-Row row_of(Wedge wedge, float across) {
-    return Row(direction_from_angle(wedge.middle + (across - 0.5) * wedge.width), 2.0 * across - 1.0);
+Row row_of(Wedge wedge, float across, float margin) {
+    vec2 direction = direction_from_angle(wedge.middle + (across - 0.5) * wedge.width);
+    return Row(direction, vec2(-direction.y, direction.x) * ((2.0 * across - 1.0) * margin));
 }
 
-// Margin on each side at a radius: no more than closes the disc.
-float margin_at(Wedge wedge, float radius) { return min(WEDGE_MARGIN, 0.5 * (TURN - wedge.width) * radius); }
-
-ivec2 texel_at(Receiver receiver, Row row, float radius, float margin) {
-    vec2 sideways = vec2(-row.direction.y, row.direction.x);
-    return ivec2(floor(vec2(receiver.px) + 0.5 + row.direction * radius + sideways * (row.aside * margin)));
-}
+// From the receiver to a sample, in texels.
+vec2 place_in(Row row, float radius) { return row.direction * radius + row.aside; }
 
 // Texels that a sample stands for: rays part by the wedge's angle times the radius, plus both margins.
 float texels_of(Wedge wedge, Ring ring, vec2 place, float margin) {
@@ -102,21 +101,21 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
 // Rows of samples that lead away from the receiver; see gather.glsl.
 vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     HalfPlane half_plane = half_planes_of(receiver.position);
-    float normal_facing = abs(dot(receiver.normal, half_plane.to_camera));
+    float normal_facing = dot(receiver.normal, half_plane.to_camera), margin = margin_of(wedge);
     int inner_steps = inner_radius > 0.0 ? (steps + 1) / 2 : 0;
     Ring inside = make_ring(0.0, inner_radius, inner_steps), ring = make_ring(inner_radius, frame.radius, steps);
     vec3 sum = vec3(0.0);
     int d = 0;
     do {
-        Row row = row_of(wedge, (float(d) + jitter.x) / float(directions));
+        Row row = row_of(wedge, (float(d) + jitter.x) / float(directions), margin);
         float shift = fract(jitter.y + float(d) * GOLDEN_TURN);
         uint blocked = 0u;
         int i = 0;
         do {
             bool is_inner = i < inner_steps;
             vec2 place = is_inner ? ring_place(inside, float(i) + shift) : ring_place(ring, float(i - inner_steps) + shift);
-            float margin = margin_at(wedge, place.x);
-            ivec2 at = texel_at(receiver, row, place.x, margin);
+            vec2 apart = place_in(row, place.x);
+            ivec2 at = ivec2(floor(vec2(receiver.px) + 0.5 + apart));
             if (!may_see(receiver, at)) continue;
             Sender sender = look_at(receiver, at);
             if (!is_seen(sender)) continue;
@@ -127,7 +126,7 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             float front = elevation(half_plane, in_plane);
             if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float texels = texels_of(wedge, ring, place, margin) / float(directions);
-                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
+                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
                 if (share > 0.0) sum += load_radiance(sender.px) * share;
             }
             blocked |= hidden_by(half_plane, front, in_plane, frame.thickness);
@@ -143,6 +142,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
     VoxelEnd here = voxel_end(slicing, receiver.px, receiver.position, receiver.normal, scale);
 #endif
     Ring ring = make_ring(inner_radius, frame.radius, samples);
+    float margin = margin_of(wedge);
     vec3 sum = vec3(0.0);
     int i = 0;
     do {
@@ -155,7 +155,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         Sender sender = look_at(receiver, at);
         if (!is_seen(sender)) continue;
         float texels = texels_of(wedge, ring, place, margin);
-        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
+        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
 #if VISIBILITY == 1

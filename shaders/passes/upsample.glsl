@@ -27,7 +27,7 @@ struct Sum {
 void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight, float back_share) {
     float flux = lobe_weight(lobe.flux) * weight;
     sum.irradiance += lobe_irradiance(lobe, lobe_normal, normal, back_share) * weight;
-    sum.back += lobe.flux * (lobe.back * weight);
+    sum.back += lobe.flux * (lobe.back * (weight * back_share));
     sum.direction += lobe.direction * flux;
     sum.flux += flux;
 }

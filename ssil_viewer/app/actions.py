@@ -15,7 +15,7 @@ from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_control import camera_flags
 from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_motion import LightMotion
-from ssil_viewer.app.other_settings import OtherSettings
+from ssil_viewer.app.other_settings import OtherSettings, with_display_of
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState, ReferenceKind
@@ -112,10 +112,9 @@ class Actions:
         """Go round both, direct, indirect, glossy."""
         self.show(_SHOW_MODES[(_SHOW_MODES.index(self.state.settings.show) + 1) % len(_SHOW_MODES)])
 
-    @_shows_errors
     def meter_exposure(self) -> None:
         """Choose the exposure from the light that is shown."""
-        self.exposure.meter()
+        self.exposure.ask()
 
     def step_buffer_back(self) -> None:
         """Show the previous buffer; before the first comes the image."""
@@ -144,7 +143,8 @@ class Actions:
     def swap_settings(self) -> None:
         """A becomes B and B becomes A."""
         if self.state.other is not None:
-            self.state.settings, self.state.other = self.state.other, self.state.settings
+            now = self.state.settings
+            self.state.settings, self.state.other = with_display_of(self.state.other, now), now
 
     def next_reference(self) -> None:
         """Go round no reference, R1 and R2."""
@@ -273,6 +273,7 @@ class Actions:
         """The lights of a file, in place of those that are there or on top of them, as the file says."""
         self.state.lights = with_lights(replace(self.state.scene, lights=self.state.lights), path).lights
         self.state.motion = LightMotion()
+        self.exposure.light_changed()
         self.state.say(f"Lights of {path}")
 
     @_shows_errors
@@ -296,6 +297,7 @@ class Actions:
             lights = with_default_light(replace(state.scene, lights=())).lights
         if lights != state.lights:
             state.lights, state.motion = lights, LightMotion()
+        self.exposure.light_changed()
 
     # The camera
 
@@ -440,7 +442,7 @@ class Actions:
             self.state.settings = settings
             self.state.say("Settings and camera of the picture")
         elif camera is None:
-            self.exposure.scene_opened()
+            self.exposure.light_changed()
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"
                        + (f", {count} warning{'s' if count > 1 else ''}: see Scene" if count else ""))

@@ -11,45 +11,55 @@ from ssil_viewer.settings import Settings
 
 
 class ExposureChoice:
-    """Sets `exposure` of the state by the picture: once, so that kinds of light and settings can be compared."""
+    """Sets `exposure` of the state by the picture: once, so that kinds of light and settings can be compared.
+
+    Whatever else sets it, a slider, a file, a saved picture, is the user's choice, which stays.
+    """
 
     def __init__(self, state: AppState, renderer: Renderer) -> None:
         self._state, self._renderer = state, renderer
-        self._unchecked = False             # a scene has just been opened
-        self._chosen: float | None = None   # for the last one that needed it
+        self._automatic: float | None = None    # what was set here last
+        self._asked = False                     # by the user
+        self._unchecked = False                 # the scene or its light is new
 
-    def meter(self) -> None:
-        """Choose by what is shown now.
+    def start(self) -> None:
+        """The exposure at the start of the window is nobody's choice; look at the first frame."""
+        self._automatic = self._state.settings.exposure
+        self.light_changed()
 
-        Raises:
-            UserError, ShaderError: The picture cannot be read.
-        """
-        self._set(meter(self._renderer))
-        self._state.say(f"Exposure {self._state.settings.exposure:+.1f} EV")
+    def ask(self) -> None:
+        """Choose by what the next drawn picture shows."""
+        self._asked = True
 
-    def scene_opened(self) -> None:
-        """Look at the scene's first frame, unless the user has chosen an exposure."""
-        plain = Settings().exposure
-        if self._state.settings.exposure in (plain, self._chosen):
-            self._set(plain)
+    def light_changed(self) -> None:
+        """Another scene, or another light in it: look at its first frame, unless the user has chosen an exposure."""
+        if self._state.settings.exposure == self._automatic:
+            self._set(Settings().exposure)
             self._unchecked = True
 
-    def frame_rendered(self) -> None:
-        """Choose for a scene that has just been opened, if it is far too dark or bright. Call it once a frame."""
-        if not self._unchecked:
+    def frame_shown(self) -> None:
+        """Choose, if there is a reason to. Call it once a turn in which the picture shows what the state says."""
+        asked, unchecked = self._asked, self._unchecked and self._state.settings.exposure == self._automatic
+        self._asked = self._unchecked = False
+        if not (asked or unchecked):
             return
-        self._unchecked = False
         try:
             exposure = meter(self._renderer)
         except (UserError, ShaderError) as error:
             self._state.say(str(error), "error")
             return
-        if abs(exposure - self._state.settings.exposure) >= FAR_OFF:
-            self._chosen = exposure
+        if exposure is None:
+            if asked:
+                self._state.say("Nothing shines in this picture, so the exposure stays")
+        elif asked:
+            self._set(exposure)
+            self._state.say(f"Exposure {exposure:+.1f} EV")
+        elif abs(exposure - self._state.settings.exposure) >= FAR_OFF:
             self._set(exposure)
             kind = "dark" if exposure > 0 else "bright"
             self._state.say(f"Exposure {exposure:+.1f} EV, since the scene is very {kind}; a right click on Exposure "
                             "sets 0")
 
     def _set(self, exposure: float) -> None:
+        self._automatic = exposure
         self._state.settings = self._state.settings.replaced({"exposure": exposure})

@@ -50,7 +50,8 @@ class OtherSettings:
 
     def differences(self) -> list[tuple[str, Any, Any]]:
         """Name, value in A and value in B of the settings that differ."""
-        a, b = self._state.settings, self._state.other or self._state.settings
+        a = self._state.settings
+        b = with_display_of(self._state.other or a, a)
         return [(info.name, getattr(a, info.name), getattr(b, info.name)) for info in knobs()
                 if getattr(a, info.name) != getattr(b, info.name)]
 

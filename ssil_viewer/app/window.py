@@ -71,7 +71,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
         viewer.state.other = other
         if choose_exposure:
-            viewer.actions.exposure.scene_opened()
+            viewer.actions.exposure.start()
         viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None
@@ -226,8 +226,8 @@ class Viewer:
             self.actions.save_pixels(self._window_pixels())
         if measuring or self._follower.rendered_view is None:
             return      # what follows reads back, which would disturb every frame, and needs one
-        if self._rendered and not self.state.preparing:
-            self.actions.exposure.frame_rendered()
+        if self._follower.rendered_view == view and not self.state.preparing:
+            self.actions.exposure.frame_shown()
         now = time.monotonic()
         if self.state.inspector and now - self._last_reading > _READING_INTERVAL:
             self._last_reading = now

@@ -46,8 +46,8 @@ def add_flags(parser: Parser) -> None:
     add_scene(parser, "builtin:atrium")
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="a file that ends in .png, .exr or .npz")
     parser.add_argument("--view", metavar="NAME[@LEVEL]", help="write this buffer, at this mip level, as the image")
-    parser.add_argument("--auto-exposure", action="store_true", help="choose the exposure from the picture; --exposure "
-                        "is added to it")
+    parser.add_argument("--auto-exposure", action="store_true", help="choose the exposure of a .png from the picture; "
+                        "--exposure is added to it")
     parser.add_argument("--timings", action="store_true", help="print the time of each pass")
     add_image_flags(
         parser,
@@ -59,6 +59,8 @@ def run(args: argparse.Namespace) -> None:
     """Renders and writes the file."""
     target = output.check_target(args.output, FORMATS)
     view = _parse_view(args.view) if args.view is not None else None
+    if args.auto_exposure and (view or target.suffix.lower() != ".png"):
+        raise UserError("only the picture in a .png has an exposure", "--auto-exposure", "leave it out")
     settings = shared.settings_of(args)
     output.check_writable(target)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)
@@ -84,13 +86,15 @@ def run(args: argparse.Namespace) -> None:
                 _render_frames(renderer, camera, frames - 1 if args.auto_exposure else frames)
                 exposed = ""
                 if args.auto_exposure:
-                    settings = _expose(renderer, camera, settings, first=frames == 1)
-                    exposed = f", exposure {settings.exposure:+.3g} EV"
+                    settings = _expose(renderer, camera, getattr(args, "exposure", 0.0), first=frames == 1)
+                    exposed = f", exposure {settings.exposure:+g} EV"
                 shared.warn(renderer.warnings)
                 _write(target, renderer, view, _metadata(scene, settings, camera, args, frames))
                 print(f"wrote {args.output} ({args.size[0]}x{args.size[1]}, {frames} frame{'s' if frames > 1 else ''}"
                       f"{exposed})")
-                if target.suffix.lower() == ".png" and not (view or exposed or hasattr(args, "exposure")):
+                # Somebody may have chosen it, and indirect light alone is dark as a rule
+                plain = settings.exposure == Settings().exposure and settings.show == "both"
+                if target.suffix.lower() == ".png" and plain and not (view or hasattr(args, "exposure")):
                     _warn_of_exposure(renderer)
                 if args.timings:
                     print_timings(renderer)
@@ -147,22 +151,23 @@ def _render_frames(renderer: Renderer, camera: Camera, frames: int) -> None:
         render_frames(renderer, camera, frames, lambda done: progress.update(task, completed=done))
 
 
-def _expose(renderer: Renderer, camera: Camera, settings: Settings, first: bool) -> Settings:
+def _expose(renderer: Renderer, camera: Camera, more: float, first: bool) -> Settings:
     """Renders the last frame with the exposure that those before it ask for; the same picture as with `--exposure`.
 
     Args:
-        first: There is none before it.
+        more: EV that are added to it.
+        first: There is no frame before.
 
     Returns:
-        The settings with that exposure.
+        The settings with that exposure; as they were where nothing shines.
     """
-    from ssil_viewer.metering import meter
+    from ssil_viewer.metering import limited, meter
 
     if first:
         renderer.render(camera)
-    exposure = round(meter(renderer) + settings.exposure, 3)    # 0.3, not 0.1 + 0.2
-    exposure = min(max(exposure, -16.0), 16.0)
-    settings = settings.replaced({"exposure": exposure})
+    metered, settings = meter(renderer), renderer.settings
+    if metered is not None:
+        settings = settings.replaced({"exposure": limited(round(metered + more, 3))})     # 0.3, not 0.1 + 0.2
     renderer.set_settings(settings)
     if first:
         renderer.reset_history()
@@ -174,7 +179,8 @@ def _warn_of_exposure(renderer: Renderer) -> None:
     """Tells of a picture that is nearly black or white."""
     from ssil_viewer.metering import FAR_OFF, meter
 
-    change = meter(renderer) - renderer.settings.exposure
+    metered = meter(renderer)
+    change = metered - renderer.settings.exposure if metered is not None else 0.0
     if abs(change) >= FAR_OFF:
         kind = "dark" if change > 0 else "bright"
         shared.warn([f"the picture is very {kind}: --auto-exposure would change it by {change:+.1f} EV"])

@@ -219,3 +219,18 @@ def test_a_picture_that_is_nearly_black_is_told_of(dim_lights, tmp_path):
     assert "very dark: --auto-exposure would change it by +" in ssil_viewer("render", *common, cwd=tmp_path).stderr
     for chosen in (["--exposure", "0"], ["--auto-exposure"], ["--view", "normal"]):
         assert ssil_viewer("render", *common, *chosen, cwd=tmp_path).stderr == ""
+
+
+def test_auto_exposure_is_of_pictures(tmp_path):
+    for words in (["a.exr"], ["a.npz"], ["a.png", "--view", "normal"]):
+        done = ssil_viewer("render", "builtin:cornell", *FAST, "--auto-exposure", "-o", *words, cwd=tmp_path)
+        assert done.returncode == 2 and "only the picture in a .png has an exposure" in done.stderr
+
+
+def test_a_picture_without_light_keeps_its_exposure(tmp_path):
+    lights = tmp_path / "none.toml"
+    lights.write_text('[[light]]\nkind = "point"\nposition = [0, 5, -3]\nintensity = 0\n')
+    common = ["builtin:cornell", *FAST, "--lights", str(lights), "-o", "black.png"]
+    done = ssil_viewer("render", *common, "--auto-exposure", "--exposure", "1", cwd=tmp_path)
+    assert "exposure +1 EV" in done.stdout
+    assert ssil_viewer("render", *common, cwd=tmp_path).stderr == ""

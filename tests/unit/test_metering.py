@@ -31,6 +31,7 @@ def test_luminance_counts_not_channels():
 def test_few_black_or_bright_pixels_do_not_decide():
     plain = metered_exposure(picture((1.0, 0.05)))
     assert metered_exposure(picture((0.95, 0.05), (0.05, 1e-6))) == plain
+    assert metered_exposure(np.float32([[[0.04] * 3, [0.06] * 3]])) == pytest.approx(plain, abs=0.1), "of two pixels"
     assert metered_exposure(picture((0.98, 0.05), (0.02, 1e4))) == plain
 
 
@@ -48,7 +49,15 @@ def test_pixels_without_light_and_without_number_do_not_count():
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_a_picture_without_light_is_left_as_it_is(value):
-    assert metered_exposure(picture((1.0, value))) == 0.0
+    assert metered_exposure(picture((1.0, value))) is None
+
+
+def test_what_does_not_count_holds_the_highlights_alone():
+    court, sky = picture((0.9, 0.01), (0.1, 1.0)), picture((0.9, 1.0), (0.1, 0.0)) > 0
+    counts = sky[..., 0]
+    assert metered_exposure(court, counts) == pytest.approx(np.log2(HIGHLIGHTS), abs=0.05)
+    assert metered_exposure(picture((0.9, 0.05), (0.1, 0.5)), counts) == metered_exposure(picture((1.0, 0.05)))
+    assert metered_exposure(picture((1.0, 0.05)), np.zeros((10, 10), bool)) == metered_exposure(picture((1.0, 0.05)))
 
 
 def test_the_exposure_stays_in_the_range_of_the_setting():
