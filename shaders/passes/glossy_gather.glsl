@@ -148,9 +148,8 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
     do {
         vec2 place = ring_place(ring, float(i) + jitter.y);
         // The golden ratio's multiples are as even across a wedge as the golden angle's around a disc
-        Row row = row_of(wedge, fract(jitter.x + float(i) * GOLDEN_TURN));
-        float margin = margin_at(wedge, place.x);
-        ivec2 at = texel_at(receiver, row, place.x, margin);
+        vec2 apart = place_in(row_of(wedge, fract(jitter.x + float(i) * GOLDEN_TURN), margin), place.x);
+        ivec2 at = ivec2(floor(vec2(receiver.px) + 0.5 + apart));
         if (!may_see(receiver, at)) continue;
         Sender sender = look_at(receiver, at);
         if (!is_seen(sender)) continue;
