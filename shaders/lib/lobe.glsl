@@ -27,13 +27,8 @@ Lobe make_lobe(vec3 irradiance, vec3 back_irradiance, vec3 directions, float wei
     return Lobe(flux, direction, weight > 0.0 ? min(lobe_weight(back_irradiance) / weight, 128.0) : 0.0);
 }
 
-// Irradiance that a receiver with its own normal gets from a lobe gathered for another one. back_share: how much counts of
-// what arrives on the other side.
-vec3 lobe_irradiance(Lobe lobe, vec3 lobe_normal, vec3 normal, float back_share) {
-    float turned = 0.5 - 0.5 * dot(lobe_normal, normal);
-    return lobe.flux * (lobe_response(lobe.direction, normal) + lobe.back * (turned * back_share));
-}
-
+// Irradiance that a receiver with its own normal gets from a lobe gathered for another one.
 vec3 lobe_irradiance(Lobe lobe, vec3 lobe_normal, vec3 normal) {
-    return lobe_irradiance(lobe, lobe_normal, normal, 1.0);
+    float turned = 0.5 - 0.5 * dot(lobe_normal, normal);
+    return lobe.flux * (lobe_response(lobe.direction, normal) + lobe.back * turned);
 }

@@ -24,16 +24,12 @@ struct Sum {
     float flux;
 };
 
-void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight, float back_share) {
+void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight) {
     float flux = lobe_weight(lobe.flux) * weight;
-    sum.irradiance += lobe_irradiance(lobe, lobe_normal, normal, back_share) * weight;
-    sum.back += lobe.flux * (lobe.back * (weight * back_share));
+    sum.irradiance += lobe_irradiance(lobe, lobe_normal, normal) * weight;
+    sum.back += lobe.flux * (lobe.back * weight);
     sum.direction += lobe.direction * flux;
     sum.flux += flux;
-}
-
-void add(inout Sum sum, Lobe lobe, vec3 lobe_normal, vec3 normal, float weight) {
-    add(sum, lobe, lobe_normal, normal, weight, 1.0);
 }
 
 Sum scaled(Sum sum, float s) { return Sum(sum.irradiance * s, sum.back * s, sum.direction * s, sum.flux * s); }
@@ -103,16 +99,13 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
         weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
         apart[i] = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
     }
-    // Nobody agrees: thin things whose surface no coarse texel kept. Neighbours near in depth are wrong by less than black
-    // or a halo would be.
+    // Nobody agrees: thin things whose surface no coarse texel kept. The neighbour nearest in depth is
+    // wrong by less than black or a halo would be.
     float total = weights.x + weights.y + weights.z, missing = max(THRESH - total, 0.0);
-    vec3 close = 1.0 / (apart * plane.nearness + 0.1);
-    close *= close;
-    weights += close * (missing / max(close.x + close.y + close.z, 1e-30));
-    // Of such neighbours only what arrives on their own side: behind them is the inside of a thing as a rule
-    float back_share = min(total * (1.0 / THRESH), 1.0);
+    bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
+    weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
     Sum sum = NO_LIGHT;
-    for (int i = 0; i < 3; ++i) add(sum, load_coarse(taps[i]), normals[i], receiver.normal, weights[i], back_share);
+    for (int i = 0; i < 3; ++i) add(sum, load_coarse(taps[i]), normals[i], receiver.normal, weights[i]);
     return scaled(sum, 1.0 / max(total, THRESH));
 #endif
 }
