@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 MIDDLE_GREY = 0.18
 """Luminance times exposure, before the tone curve, that the mean of the picture gets: a grey card's."""
 
-HIGHLIGHTS = 4.0
+HIGHLIGHTS = 2.0
 """Most luminance times exposure that the brightest pixels get; curves other than `linear` bring some of it back."""
 
 FAR_OFF = 2.0

@@ -52,8 +52,9 @@ class ExposureChoice:
             if asked:
                 self._state.say("Nothing shines in this picture, so the exposure stays")
         elif asked:
+            before = self._state.settings.exposure
             self._set(exposure)
-            self._state.say(f"Exposure {exposure:+.1f} EV")
+            self._state.say(f"Exposure {exposure:+.1f} EV{', as before' if exposure == before else ''}")
         elif abs(exposure - self._state.settings.exposure) >= FAR_OFF:
             self._set(exposure)
             kind = "dark" if exposure > 0 else "bright"

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
     target = output.check_target(args.output, FORMATS)
     view = _parse_view(args.view) if args.view is not None else None
     if args.auto_exposure and (view or target.suffix.lower() != ".png"):
-        raise UserError("only the picture in a .png has an exposure", "--auto-exposure", "leave it out")
+        raise UserError("only the picture in a .png has an exposure", "--auto-exposure", "write a .png without --view")
     settings = shared.settings_of(args)
     output.check_writable(target)
     frames = args.frames or (TEMPORAL_FRAMES if settings.temporal or args.timings else 1)

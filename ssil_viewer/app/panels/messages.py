@@ -96,7 +96,8 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
     shown = f"buffer {state.buffer}, level {state.level}" if state.buffer else f"{state.settings.show} light"
     if not state.buffer and state.settings.show == "both":
         shown = "direct + indirect light"
-    imgui.text_disabled(f"{state.scene.name}   |   {shown}   |   {state.camera.mode}")
+    exposed = f"   |   exposure {state.settings.exposure:+.1f} EV" if state.settings.exposure else ""
+    imgui.text_disabled(f"{state.scene.name}   |   {shown}   |   {state.camera.mode}{exposed}")
     if state.no_indirect:
         imgui.same_line(0.0, 2 * imgui.get_font_size())
         imgui.text_colored(theme.ACCENT, state.no_indirect)
