@@ -11,6 +11,9 @@ from ssil_viewer.settings import knobs
 if TYPE_CHECKING:
     from ssil_viewer.pipeline import Renderer
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB (Rec. 709)."""
+
 MIDDLE_GREY = 0.18
 """Luminance times exposure, before the tone curve, that the mean of the picture gets: a grey card's."""
 
@@ -25,7 +28,6 @@ FAR_OFF = 2.0
 _DARKEST, _LIGHTEST, _BRIGHTEST = 10.0, 90.0, 97.0
 
 _DECIMALS = 1   # finer is noise
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def metered_exposure(radiance: np.ndarray, counts: np.ndarray | None = None) -> float | None:
@@ -42,7 +44,7 @@ def metered_exposure(radiance: np.ndarray, counts: np.ndarray | None = None) -> 
     Returns:
         EV in steps of a tenth, within the range of `Settings.exposure`; None where nothing shines.
     """
-    luminance = radiance @ _LUMINANCE
+    luminance = radiance @ LUMINANCE.astype(np.float32)
     lit = np.isfinite(luminance) & (luminance > 0.0)
     if not lit.any():
         return None

@@ -16,20 +16,21 @@ float along_diamond(float outward, float towards) {
     return 1.0 - towards / max(outward + abs(towards), 1e-30);
 }
 
-// position, normal: of the receiver, view space. along: the row's direction in the image, view space.
-HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
-    float squared = max(dot(position, position), 1e-30), inverse_distance = inversesqrt(squared);
-    vec3 to_camera = -position * inverse_distance;
-    vec3 outward = along - to_camera * dot(along, to_camera);
-    outward *= inversesqrt(max(dot(outward, outward), 1e-30));
-    float span = along_diamond(abs(dot(normal, to_camera)), -dot(normal, outward));
-    return HalfPlane(to_camera, outward, squared * inverse_distance, 1.0 / max(span, 1e-3));
-}
-
-// What all half-planes of a receiver share: `outward` and `inverse_span` are those of one, see `turn_to`.
+// What all half-planes of a receiver share: `outward` and `inverse_span` are those of one.
 HalfPlane half_planes_of(vec3 position) {
     float squared = max(dot(position, position), 1e-30), inverse_distance = inversesqrt(squared);
     return HalfPlane(-position * inverse_distance, vec3(0.0), squared * inverse_distance, 1.0);
+}
+
+// position, normal: of the receiver, view space. along: the row's direction in the image, view space.
+HalfPlane make_half_plane(vec3 position, vec3 normal, vec3 along) {
+    HalfPlane half_plane = half_planes_of(position);
+    vec3 outward = along - half_plane.to_camera * dot(along, half_plane.to_camera);
+    outward *= inversesqrt(max(dot(outward, outward), 1e-30));
+    float span = along_diamond(abs(dot(normal, half_plane.to_camera)), -dot(normal, outward));
+    half_plane.outward = outward;
+    half_plane.inverse_span = 1.0 / max(span, 1e-3);
+    return half_plane;
 }
 
 // Takes the half-plane in which something lies, and returns its place there; `outward` is not set.

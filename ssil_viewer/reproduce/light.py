@@ -8,6 +8,7 @@ import numpy as np
 
 from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.measure.tables import Table
+from ssil_viewer.metering import LUMINANCE
 from ssil_viewer.reference.all_pixels import read_surfaces
 from ssil_viewer.reference.bounce_series import MOST_BOUNCES, bounce_series
 from ssil_viewer.reference.path_traced import has_mitsuba
@@ -17,7 +18,6 @@ from ssil_viewer.reproduce.studio import FRAMES, Box, Studio, tile
 
 REDDER = 1.25
 RELIEF_DIRECT, RELIEF_SEEN, RELIEF_CONTRAST = 0.1, 0.05, 0.1
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _RELIEF: Box = (470, 195, 730, 450)     # of the camera `relief`
 _STEPS_OF_DISTANCE = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)     # metres
 _NEAR, _FAR = 0.5, 1.5
@@ -216,9 +216,9 @@ def _relief(studio: Studio) -> dict[str, float]:
     part = slice(upper, lower), slice(left, right)
     direct = studio.values("direct")[part].astype(np.float64)
     both = direct + studio.values("albedo")[part] * studio.values("indirect")[part] / np.pi
-    shown = np.asarray(studio.picture())[part] / 255.0 @ _LUMINANCE
-    shown_direct = studio.renderer.displayed(studio.values("direct"))[part] / 255.0 @ _LUMINANCE
-    return {"direct": float((direct @ _LUMINANCE).mean()), "both": float((both @ _LUMINANCE).mean()),
+    shown = np.asarray(studio.picture())[part] / 255.0 @ LUMINANCE
+    shown_direct = studio.renderer.displayed(studio.values("direct"))[part] / 255.0 @ LUMINANCE
+    return {"direct": float((direct @ LUMINANCE).mean()), "both": float((both @ LUMINANCE).mean()),
             "shown_direct": float(shown_direct.mean()), "shown": float(shown.mean()),
             "contrast": float(shown.std() / max(shown.mean(), 1e-12))}
 
