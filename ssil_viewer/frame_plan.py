@@ -25,6 +25,7 @@ class FramePlan:
         features: What the scene has that not every scene has, such as "environment".
         keep: Optional targets that somebody asked for.
         gpu_compute: Screen passes are compute shaders on a GPU, where threads may share work.
+        software_compute: They are compute shaders on software OpenGL, where threads may shade blocks of texels.
     """
 
     passes: tuple[Pass, ...]
@@ -32,6 +33,7 @@ class FramePlan:
     features: frozenset[str] = frozenset()
     keep: frozenset[str] = frozenset()
     gpu_compute: bool = False
+    software_compute: bool = False
 
     @cached_property
     def declared(self) -> dict[str, Target]:
@@ -102,7 +104,8 @@ class FramePlan:
         tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
                             for declared in (screen_pass.tables, screen_pass.uniforms))
         parts = dispatch.parts if self.gpu_compute else 1
-        return Variant(screen_pass.shader, formats, tables, writes, uniforms, dispatch.defines, parts, dispatch.levels)
+        block = dispatch.block if self.software_compute else (1, 1)
+        return Variant(screen_pass.shader, formats, tables, writes, uniforms, dispatch.defines, parts, dispatch.levels, block)
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,8 @@ class PassRunner:
         self._software_form = self.capabilities.software
         self.passes = tuple(make() for make in passes)
         check_frame(self.passes)
-        self.plan = FramePlan(self.passes, settings, keep=frozenset(keep), gpu_compute=self.gpu_compute)
+        self.plan = FramePlan(self.passes, settings, keep=frozenset(keep), gpu_compute=self.gpu_compute,
+                              software_compute=self.software_compute)
         self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
         self.targets: TargetSet | None = None
@@ -249,12 +250,17 @@ class PassRunner:
     def software_form(self, software: bool) -> None:
         self._release_programs()
         self._software_form = software
-        self.plan = replace(self.plan, gpu_compute=self.gpu_compute)
+        self.plan = replace(self.plan, gpu_compute=self.gpu_compute, software_compute=self.software_compute)
 
     @property
     def gpu_compute(self) -> bool:
         """Screen passes are compute shaders on a GPU, where threads may share work."""
         return self.stage == "compute" and not self.software_form
+
+    @property
+    def software_compute(self) -> bool:
+        """Screen passes are compute shaders on software OpenGL."""
+        return self.stage == "compute" and self.software_form
 
     @property
     def band(self) -> tuple[int, int]:

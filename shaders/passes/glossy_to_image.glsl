@@ -6,6 +6,27 @@
 
 bool is_reflecting(vec4 specular) { return max(max(specular.r, specular.g), specular.b) > 0.0; }
 
+#ifdef BLOCK
+// All pixels of a block of 2x2 have the same taps: its middle is never in the middle of a texel of four pixels or more.
+Surface block_surfaces[3];
+Reflection block_reflections[3];
+
+void load_block(ivec2 first) {
+    Taps taps = nearest_taps((vec2(first) + 1.0) / texel);
+    for (int i = 0; i < 3; ++i) {
+        ivec2 at = clamp(taps.at[i], ivec2(0), size_glossy_light() - 1);
+        block_surfaces[i] = load_start_surface(at);
+        block_reflections[i] = load_glossy_light(at);
+    }
+}
+
+Surface tap_surface(int i, ivec2 at) { return block_surfaces[i]; }
+Reflection tap_reflection(int i, ivec2 at) { return block_reflections[i]; }
+#else
+Surface tap_surface(int i, ivec2 at) { return load_start_surface(at); }
+Reflection tap_reflection(int i, ivec2 at) { return load_glossy_light(at); }
+#endif
+
 Reflection reflection_at(ivec2 px, Surface receiver, float roughness) {
     ivec2 last = size_glossy_light() - 1;
     Taps taps = nearest_taps((vec2(px) + 0.5) / texel);
@@ -17,8 +38,8 @@ Reflection reflection_at(ivec2 px, Surface receiver, float roughness) {
     ReflectionSum sum = no_reflection();
     for (int i = 0; i < 3; ++i) {
         ivec2 at = clamp(taps.at[i], ivec2(0), last);
-        Reflection tap = load_glossy_light(at);
-        Surface there = load_start_surface(at);
+        Reflection tap = tap_reflection(i, at);
+        Surface there = tap_surface(i, at);
         float weight = taps.weights[i] * reflection_agreement(reflector, there, tap.roughness, vec2(at - taps.at[0]));
         add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
     }

@@ -78,6 +78,46 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
 #endif
 
 #ifdef HAS_COARSE
+#ifdef BLOCK
+// What the texels of a block of 2x2 share: the coarse texel around them, and those on its left, right, below and above.
+Surface block_surfaces[5];
+Lobe block_lobes[5];
+
+void load_block(ivec2 first) {
+    ivec2 own = first / 2, last = size_coarse() - 1;
+    for (int i = 0; i < 5; ++i) {
+        ivec2 at = clamp(own + ivec2(int(i == 2) - int(i == 1), int(i == 4) - int(i == 3)), ivec2(0), last);
+        block_surfaces[i] = load_coarse_surface(at);
+        block_lobes[i] = load_coarse(at);
+    }
+}
+
+// Which of the two on either side of an axis is next to the texel at hand: i is 1 or 2.
+bool is_second(int i) { return (i == 1 ? corner.x : corner.y) == 1; }
+
+// Without a choice by a number that the compiler does not know: arrays would be kept in memory.
+Surface tap_surface(int i, ivec2 at) {
+    Surface tap = block_surfaces[0];
+    if (i > 0) {
+        tap = block_surfaces[2 * i - 1];
+        if (is_second(i)) tap = block_surfaces[2 * i];
+    }
+    return tap;
+}
+
+Lobe tap_lobe(int i, ivec2 at) {
+    Lobe tap = block_lobes[0];
+    if (i > 0) {
+        tap = block_lobes[2 * i - 1];
+        if (is_second(i)) tap = block_lobes[2 * i];
+    }
+    return tap;
+}
+#else
+Surface tap_surface(int i, ivec2 at) { return load_coarse_surface(at); }
+Lobe tap_lobe(int i, ivec2 at) { return load_coarse(at); }
+#endif
+
 Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     ivec2 last = size_coarse() - 1;
 #if UPSAMPLING == 1
@@ -94,7 +134,7 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     ivec2 taps[3] = ivec2[](own, ivec2(next.x, own.y), ivec2(own.x, next.y));
     vec3 normals[3], weights, apart;
     for (int i = 0; i < 3; ++i) {
-        Surface tap = load_coarse_surface(taps[i]);
+        Surface tap = tap_surface(i, taps[i]);
         normals[i] = tap.normal;
         weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
         apart[i] = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
@@ -105,7 +145,7 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
     bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
     weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
     Sum sum = NO_LIGHT;
-    for (int i = 0; i < 3; ++i) add(sum, load_coarse(taps[i]), normals[i], receiver.normal, weights[i]);
+    for (int i = 0; i < 3; ++i) add(sum, tap_lobe(i, taps[i]), normals[i], receiver.normal, weights[i]);
     return scaled(sum, 1.0 / max(total, THRESH));
 #endif
 }

@@ -24,6 +24,9 @@ GROUP = 8, 8    # threads of a compute group in x and y, mostly: 64 threads suit
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
+# With software OpenGL, by the width and height of the block that a thread shades: lines of 128 and 32 texels. With two lines
+# of blocks a temporal filter that reads nine images takes a third longer, again since they push one another out
+_BLOCK_GROUPS = {(1, 1): SOFTWARE_GROUP, (2, 2): (64, 1), (2, 1): (16, 2)}
 
 ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
            | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT | moderngl.FRAMEBUFFER_BARRIER_BIT)
@@ -58,6 +61,10 @@ class Variant:
         levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores
             all but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group
             call `shade`, those outside of the image, too. In the same shaders as `parts`.
+        block: Texels, in x and y, that one thread shades one after another. BLOCK is defined then; the shader has a
+            function `void load_block(ivec2 first)`, called once with the first of them, for what they share, and
+            `corner` tells which one `shade` is called for, from (0, 0) on. In shaders for software OpenGL alone, where
+            what takes long is to load and decode texels, and neighbours need the same ones.
     """
 
     shader: str
@@ -68,6 +75,7 @@ class Variant:
     defines: tuple[tuple[str, str], ...] = ()
     parts: int = 1
     levels: int = 1
+    block: tuple[int, int] = (1, 1)
 
     def level_writes(self) -> tuple[tuple[str, str, int], ...]:
         """Outputs of all levels: name, format, levels above the first."""
@@ -154,6 +162,7 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
     for_gpu = stage == "compute" and not software
     width, height = _group(variant, software)
     assert variant.parts == variant.levels == 1 or for_gpu and 1 in (variant.parts, variant.levels), variant
+    assert variant.block == (1, 1) or stage == "compute" and software, variant
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
@@ -200,13 +209,24 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
         main = ["void main() {", "    read_uniforms();",
                 "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
                 "    shade(min(px, output_size - 1));", *("    " + s for s in stores), "}"]
+        if variant.block != (1, 1):
+            across, down = variant.block
+            body += ["#define BLOCK", "ivec2 corner;"]
+            # A loop: four copies of a shader are faster where they fit into the CPU's cache of instructions, but take long
+            # to compile
+            main = ["void main() {", "    read_uniforms();",
+                    f"    ivec2 first = ivec2(gl_GlobalInvocationID.xy) * ivec2({across}, {down});",
+                    "    load_block(min(first, output_size - 1));", "    int k = 0;", "    do {",
+                    f"        corner = ivec2(k % {across}, k / {across});", "        ivec2 px = first + corner;",
+                    "        shade(min(px, output_size - 1));", *("        " + s for s in stores),
+                    f"    }} while (++k < {across * down});", "}"]
     source = expand(variant.shader, "\n".join(body))
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
 
 def _group(variant: Variant, software: bool) -> tuple[int, int]:
     if software:
-        return SOFTWARE_GROUP
+        return _BLOCK_GROUPS[variant.block]
     return max(GROUP, (2 ** (variant.levels - 1),) * 2)     # the last level gets a texel
 
 
@@ -235,7 +255,8 @@ class ScreenProgram:
         self._context = context
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
-        self._group = _group(variant, software)
+        threads = _group(variant, software)
+        self._group = threads[0] * variant.block[0], threads[1] * variant.block[1]      # in texels
         # Image unit of each input that is read through one: outputs have the first ones
         self._images: dict[str, int] = {}
         if self._compute and software:
@@ -299,7 +320,7 @@ class ScreenProgram:
             for name, at in self._images.items():
                 if name in inputs:      # a table that this variant does without
                     inputs[name].bind_to_image(at, read=True, write=False)
-            groups = tuple(-(-side // threads) for side, threads in zip(size, self._group))
+            groups = tuple(-(-side // texels) for side, texels in zip(size, self._group))
             self._gl.run_compute(self._program, groups)
             if barrier:
                 self._context.memory_barrier(barrier)

@@ -52,6 +52,7 @@ class Dispatch:
         unread: GLSL names of reads that the shader, told by a uniform, does without; any level of the target is bound,
             even one that is written. For compute shaders on a GPU, which takes some 3 microseconds to fetch another
             program: so it is that of other runs.
+        block: Texels that one thread shades where compute shaders run on software OpenGL; see `Variant`.
         alone: The next run neither reads nor writes what is written here, nor writes what is read here, so that it may
             begin before this one has ended.
     """
@@ -64,6 +65,7 @@ class Dispatch:
     parts: int = 1
     levels: int = 1
     unread: frozenset[str] = frozenset()
+    block: tuple[int, int] = (1, 1)
     alone: bool = False
 
 

@@ -17,6 +17,11 @@ def _is_needed(settings: Settings) -> bool:
     return uses_glossy(settings) and not settings.temporal
 
 
+def block_of_taps(settings: Settings) -> tuple[int, int]:
+    """Pixels side by side that look at the same texels of the starting level for what they reflect."""
+    return (2, 2) if settings.start_level > 1 and settings.upsampling == "bilateral" else (1, 1)
+
+
 class GlossyResolve(ScreenPass):
     """Reflections from the starting level's resolution to the image's; with the temporal filter, that does it.
 
@@ -37,4 +42,5 @@ class GlossyResolve(ScreenPass):
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         yield Dispatch(0, {"texel": float(2**frame.settings.start_level)},
-                       (switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest")),))
+                       (switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest")),),
+                       block=block_of_taps(frame.settings))

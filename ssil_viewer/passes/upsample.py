@@ -58,8 +58,10 @@ class Upsample(ScreenPass):
                 omit |= {"gather", "near"}
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
+            # Four texels of the finer level have one coarse texel around them, and the same neighbours of it
+            block = (2, 2) if level < frame.settings.start_level and denoises else (1, 1)
             # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
             yield Dispatch(level, {"texel": float(2**level), "window": 5, "is_coarsest": level == last}, tuple(defines),
                            frozenset(omit), {"upsample": irradiance_of(frame.bounce)},
                            parts=PARTS if denoises and level > frame.settings.start_level else 1,
-                           unread=missing - omit)
+                           unread=missing - omit, block=block)
