@@ -105,7 +105,9 @@ class FramePlan:
                             for declared in (screen_pass.tables, screen_pass.uniforms))
         parts = dispatch.parts if self.gpu_compute else 1
         block = dispatch.block if self.software_compute else (1, 1)
-        return Variant(screen_pass.shader, formats, tables, writes, uniforms, dispatch.defines, parts, dispatch.levels, block)
+        long_lines = self.software_compute and (dispatch.level == 0 or block != (1, 1))
+        return Variant(screen_pass.shader, formats, tables, writes, uniforms, dispatch.defines, parts, dispatch.levels,
+                       block, long_lines)
 
 
 @dataclass(frozen=True)

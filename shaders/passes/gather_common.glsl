@@ -46,7 +46,13 @@ Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
 
 // False where there is nothing to look at: off screen, the receiver itself. It is asked before looking, and afterwards whether
 // anything was seen: CPUs would copy under a mask all that a function with several returns finds.
-bool may_see(Receiver receiver, ivec2 at) { return is_on_screen(at, size_surface()) && at != receiver.px; }
+bool may_see(Receiver receiver, ivec2 at) {
+#ifdef ZERO_OUTSIDE
+    return true;    // afterwards is early enough: off screen there is nothing, and nobody is at a distance from himself
+#else
+    return is_on_screen(at, size_surface()) && at != receiver.px;
+#endif
+}
 
 bool is_seen(Sender sender) { return sender.view_depth > 0.0 && sender.distance_squared > 0.0; }
 

@@ -17,7 +17,11 @@ vec4 averaged_irradiance(ivec2 px, Previous previous) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float new_light = dot(current, LUMINANCE), old_light = dot(history.rgb, LUMINANCE);
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
+#ifdef STILL
+    float changed = 0.0;
+#else
     float changed = frame.still == 1 ? 0.0 : smoothstep(0.5, 0.9, change);
+#endif
     float longest = mix(float(frame.history_frames), 2.0, changed);
     float count = min(history.a + 1.0, longest);
     return vec4(mix(history.rgb, current, 1.0 / count), count);
@@ -35,9 +39,13 @@ vec3 averaged_reflection(ivec2 px, Surface surface, Previous previous, float fra
     if (frames <= 1.0 || total < LEAST_FOUND) return now.radiance;
     vec3 history = vec3(0.0);
     for (int i = 0; i < TAPS; ++i) history += load_reflection_history(previous.at[i]) * (weights[i] / total);
+#ifdef STILL
+    float count = frames;
+#else
     // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
     float still = 1.0 - smoothstep(0.25, 1.0, length(previous.moved));
     float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
+#endif
     // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
     // rare peaks were cut off and the mean fell by 1 %
     vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);

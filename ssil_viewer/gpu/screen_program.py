@@ -24,9 +24,9 @@ GROUP = 8, 8    # threads of a compute group in x and y, mostly: 64 threads suit
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
-# With software OpenGL, by the width and height of the block that a thread shades: lines of 128 and 32 texels. With two lines
-# of blocks a temporal filter that reads nine images takes a third longer, again since they push one another out
-_BLOCK_GROUPS = {(1, 1): SOFTWARE_GROUP, (2, 2): (64, 1), (2, 1): (16, 2)}
+# The same for the image's own level and for blocks of texels, where a single line is better still: with two lines of blocks a
+# temporal filter that reads nine images takes a third longer. Coarse levels are no multiple of it
+LONG_SOFTWARE_GROUP = 64, 1
 
 ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
            | moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT | moderngl.FRAMEBUFFER_BARRIER_BIT)
@@ -65,6 +65,7 @@ class Variant:
             function `void load_block(ivec2 first)`, called once with the first of them, for what they share, and
             `corner` tells which one `shade` is called for, from (0, 0) on. In shaders for software OpenGL alone, where
             what takes long is to load and decode texels, and neighbours need the same ones.
+        long_lines: Groups are for large levels, with software OpenGL.
     """
 
     shader: str
@@ -76,6 +77,7 @@ class Variant:
     parts: int = 1
     levels: int = 1
     block: tuple[int, int] = (1, 1)
+    long_lines: bool = False
 
     def level_writes(self) -> tuple[tuple[str, str, int], ...]:
         """Outputs of all levels: name, format, levels above the first."""
@@ -96,6 +98,8 @@ def declare_reads(variant: Variant, images: dict[str, int] | None = None, told_s
     """
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
+    if images and all(name in images for name, _ in variant.reads):
+        lines.append("#define ZERO_OUTSIDE")    # loads of images are 0 there (OpenGL 4.6, 8.26), fetches of texels anything
     for name, format_name in variant.reads:
         form = FORMATS[format_name]
         fetch, size = f"texelFetch(texture_{name}, px, 0)", f"textureSize(texture_{name}, 0)"
@@ -226,7 +230,7 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
 
 def _group(variant: Variant, software: bool) -> tuple[int, int]:
     if software:
-        return _BLOCK_GROUPS[variant.block]
+        return LONG_SOFTWARE_GROUP if variant.long_lines else SOFTWARE_GROUP
     return max(GROUP, (2 ** (variant.levels - 1),) * 2)     # the last level gets a texel
 
 
