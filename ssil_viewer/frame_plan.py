@@ -68,8 +68,21 @@ class FramePlan:
         found = set()
         for p, frame.bounce in self.schedule():
             if isinstance(p, ScreenPass):
-                found |= {self.variant(p, dispatch, self.reads(p, dispatch)) for dispatch in p.dispatches(frame)}
+                found |= {self.bound(p, dispatch)[0] for dispatch in p.dispatches(frame)}
         return frozenset(found)
+
+    def bound(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[Variant, dict[str, tuple[str, int]]]:
+        """What a dispatch compiles to, and what it reads, as `variant` and `reads`; asked again it is at hand."""
+        key = (screen_pass.name, dispatch.level, dispatch.defines, dispatch.omit, *dispatch.targets.items(),
+               dispatch.parts, dispatch.levels, dispatch.unread, dispatch.block)
+        if key not in self._bound:
+            reads = self.reads(screen_pass, dispatch)
+            self._bound[key] = self.variant(screen_pass, dispatch, reads), reads
+        return self._bound[key]
+
+    @cached_property
+    def _bound(self) -> dict[tuple, tuple[Variant, dict[str, tuple[str, int]]]]:
+        return {}
 
     def reads(self, screen_pass: ScreenPass, dispatch: Dispatch) -> dict[str, tuple[str, int]]:
         """Target and level that a dispatch reads, by GLSL name; `NAME@previous` is last frame's."""

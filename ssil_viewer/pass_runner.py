@@ -286,9 +286,8 @@ class PassRunner:
     def bind(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[
             Variant, dict[str, moderngl.Texture], dict[str, moderngl.Texture]]:
         """What a dispatch compiles to, and its input and output targets by GLSL name."""
-        plan, targets = self.plan, self.targets
-        reads = plan.reads(screen_pass, dispatch)
-        variant = plan.variant(screen_pass, dispatch, reads)
+        targets = self.targets
+        variant, reads = self.plan.bound(screen_pass, dispatch)
         inputs = {name: targets.texture(target, level) for name, (target, level) in reads.items()}
         outputs = {f"{name}_{n}" if n else name: targets.texture(dispatch.targets.get(name, name), dispatch.level + n)
                    for n in range(dispatch.levels) for name, _ in variant.writes}

@@ -231,8 +231,13 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         if (!may_see(receiver, at)) continue;
         Sender sender = look_at(receiver, at);
         Disc disc = texel_disc(sender);
+#ifdef ZERO_OUTSIDE
+        // CPUs work through the rest in any case
+        vec3 radiance = load_radiance(at) * (disc.above > 0.0 ? form_factor(sender, disc, texels) : 0.0);
+#else
         if (disc.above <= 0.0) continue;
         vec3 radiance = load_radiance(at) * form_factor(sender, disc, texels);
+#endif
 #if VISIBILITY == 1
         if (radiance == vec3(0.0)) continue;
         VoxelEnd there = voxel_end(slicing, at, sender.position, sender.normal, scale);

@@ -41,7 +41,7 @@ vec3 position_on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
 Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
     vec3 offset = position - receiver.position;
     float squared = dot(offset, offset);
-    return Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(squared));
+    return Sender(at, position, surface.view_depth, surface.normal, offset, squared, inversesqrt(max(squared, 1e-30)));
 }
 
 // False where there is nothing to look at: off screen, the receiver itself. It is asked before looking, and afterwards whether

@@ -220,10 +220,11 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
             # to compile
             main = ["void main() {", "    read_uniforms();",
                     f"    ivec2 first = ivec2(gl_GlobalInvocationID.xy) * ivec2({across}, {down});",
-                    "    load_block(min(first, output_size - 1));", "    int k = 0;", "    do {",
-                    f"        corner = ivec2(k % {across}, k / {across});", "        ivec2 px = first + corner;",
-                    "        shade(min(px, output_size - 1));", *("        " + s for s in stores),
-                    f"    }} while (++k < {across * down});", "}"]
+                    "    load_block(min(first, output_size - 1));", "    int y = 0;", "    do {"]
+            for x in range(across):
+                main += [f"        corner = ivec2({x}, y);", f"        {'ivec2 ' if x == 0 else ''}px = first + corner;",
+                         "        shade(min(px, output_size - 1));", *("        " + s for s in stores)]
+            main += [f"    }} while (++y < {down});", "}"]
     source = expand(variant.shader, "\n".join(body))
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
@@ -272,21 +273,22 @@ class ScreenProgram:
         else:
             self._program = compile_program(context, Source(FULL_SCREEN_VERTEX, ("<full-screen triangle>",)), source)
             self._vertex_array = context.vertex_array(self._program, [])
-        if block.__name__ in self._program:
+        self._members = frozenset(self._program)    # asked for a name, the program itself searches a list
+        if block.__name__ in self._members:
             self._program[block.__name__].binding = 0
         self._units: dict[str, int] = {}
         tables = dict(variant.tables)
         for name, _ in (*variant.reads, *variant.tables):
             # The compiler drops what a variant does not use; a unit is spent on what is left only. Targets may be read
             # through their image and through the sampler, which library functions take.
-            if f"texture_{name}" in self._program and not (name in self._images and name in tables):
+            if f"texture_{name}" in self._members and not (name in self._images and name in tables):
                 self._units[name] = len(self._units)
                 self._program[f"texture_{name}"].value = self._units[name]
         self._writes = [name for name, _, _ in variant.level_writes()]
         # Output -> format by which its image is bound, where that is not its own; both have as many bits
         self._bound_as = {name: _R32UI for name, form, _ in variant.level_writes()
                           if _stored_format(form, self._compute and software) == "bits32" != form}
-        self._told_sizes = [name for name, _ in variant.reads if f"read_size_{name}" in self._program]
+        self._told_sizes = [name for name, _ in variant.reads if f"read_size_{name}" in self._members]
         self._values: dict[str, object] = {}
 
     @property
@@ -315,7 +317,7 @@ class ScreenProgram:
             uniforms = {**uniforms, "output_size": size,
                         **{f"read_size_{name}": inputs[name].size for name in self._told_sizes}}
         for name, value in uniforms.items():
-            if name in self._program and self._values.get(name) != value:
+            if name in self._members and self._values.get(name) != value:
                 self._program[name].value = value
                 self._values[name] = value
         if self._compute:
