@@ -9,7 +9,7 @@ struct Reflector {
     Plane plane;
     Slant slant;        // over the level of the taps
     float roughness;
-    float sharpness;    // of the weight by normals
+    float sharpness;    // of the weight by normals: an eighth of its power
 };
 
 // px: the texel around it, at the level of the taps. scale: size of a texel there on the plane z = 1.
@@ -17,13 +17,16 @@ struct Reflector {
 // tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
 Reflector make_reflector(Surface surface, Plane plane, float roughness, ivec2 px, vec2 scale) {
     return Reflector(plane, slant(surface.normal, px, scale), roughness,
-                     mix(92.3, 23.1, clamp(roughness * 2.0, 0.0, 1.0)));
+                     mix(6.5, 1.63, clamp(roughness * 2.0, 0.0, 1.0)));
 }
 
 // apart: texels from px.
 float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness, vec2 apart) {
-    // exp(n (cos - 1)), which is cos^n near 1, without the logarithm
-    float facing = exp2((dot(receiver.plane.normal, tap.normal) - 1.0) * receiver.sharpness);
+    // cos^n near 1, without logarithm and exponential
+    float facing = max(1.0 + (dot(receiver.plane.normal, tap.normal) - 1.0) * receiver.sharpness, 0.0);
+    facing *= facing;
+    facing *= facing;
+    facing *= facing;
     float off_plane = plane_distance(receiver.plane, receiver.slant, tap, apart);
     float unlike = (tap_roughness - receiver.roughness) * (1.0 / ROUGHNESS_TOLERANCE);
     float weight = facing / ((1.0 + off_plane * off_plane) * (1.0 + unlike * unlike));
