@@ -11,6 +11,7 @@ bool is_reflecting(vec4 specular) { return max(max(specular.r, specular.g), spec
 Surface block_surfaces[3];
 Reflection block_reflections[3];
 
+#define LOAD_BLOCK load_block
 void load_block(ivec2 first) {
     Taps taps = nearest_taps((vec2(first) + 1.0) / texel);
     for (int i = 0; i < 3; ++i) {

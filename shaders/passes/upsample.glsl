@@ -83,6 +83,7 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
 Surface block_surfaces[5];
 Lobe block_lobes[5];
 
+#define LOAD_BLOCK load_block
 void load_block(ivec2 first) {
     ivec2 own = first / 2, last = size_coarse() - 1;
     for (int i = 0; i < 5; ++i) {

@@ -220,7 +220,7 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
             # to compile
             main = ["void main() {", "    read_uniforms();",
                     f"    ivec2 first = ivec2(gl_GlobalInvocationID.xy) * ivec2({across}, {down});",
-                    "    load_block(min(first, output_size - 1));", "    int y = 0;", "    do {"]
+                    "#ifdef LOAD_BLOCK", "    LOAD_BLOCK(min(first, output_size - 1));", "#endif", "    int y = 0;", "    do {"]
             for x in range(across):
                 main += [f"        corner = ivec2({x}, y);", f"        {'ivec2 ' if x == 0 else ''}px = first + corner;",
                          "        shade(min(px, output_size - 1));", *("        " + s for s in stores)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
 
 if TYPE_CHECKING:
@@ -46,4 +46,4 @@ class Composite(ScreenPass):
                 defines.append((f"WRITE_{name.upper()}", ""))
             else:
                 omit.add(name)
-        yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit))
+        yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit), block=BLOCK)

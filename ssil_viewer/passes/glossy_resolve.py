@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import uses_glossy
 from ssil_viewer.settings import Settings
 
@@ -19,7 +19,7 @@ def _is_needed(settings: Settings) -> bool:
 
 def block_of_taps(settings: Settings) -> tuple[int, int]:
     """Pixels side by side that look at the same texels of the starting level for what they reflect."""
-    return (2, 2) if settings.start_level > 1 and settings.upsampling == "bilateral" else (1, 1)
+    return BLOCK if settings.start_level > 1 and settings.upsampling == "bilateral" else (1, 1)
 
 
 class GlossyResolve(ScreenPass):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.rays import RAYS, corrects_visibility
 from ssil_viewer.passes.reflect import sent_radiance
 from ssil_viewer.settings import Settings
@@ -72,7 +72,7 @@ class MipmapRadiance(ScreenPass):
         at_once = _LEVELS_AT_ONCE if frame.gpu_compute else 1
         for level in range(1, last + 1, at_once):
             yield Dispatch(level, {}, defines, targets=sent_radiance(frame.bounce),
-                           levels=min(at_once, last + 1 - level))
+                           levels=min(at_once, last + 1 - level), block=BLOCK)
 
 
 class MipmapBrightest(ScreenPass):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.reflect import MOST_BOUNCES, at_least, irradiance_of
 from ssil_viewer.settings import Settings
 
@@ -59,7 +59,7 @@ class Upsample(ScreenPass):
             if level > 0 or not frame.has_occlusion_maps:
                 omit.add("albedo")
             # Four texels of the finer level have one coarse texel around them, and the same neighbours of it
-            block = (2, 2) if level < frame.settings.start_level and denoises else (1, 1)
+            block = BLOCK if level < frame.settings.start_level and denoises else (1, 1)
             # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
             yield Dispatch(level, {"texel": float(2**level), "window": 5, "is_coarsest": level == last}, tuple(defines),
                            frozenset(omit), {"upsample": irradiance_of(frame.bounce)},
