@@ -24,8 +24,8 @@ GROUP = 8, 8    # threads of a compute group in x and y, mostly: 64 threads suit
 # The same with software OpenGL. Rows of an image often lie a multiple of a large power of two apart, so that those of
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
-# The same for the image's own level and for blocks of texels, where a single line is better still: with two lines of blocks a
-# temporal filter that reads nine images takes a third longer. Coarse levels are no multiple of it
+# The same for the image's own level and for blocks of texels, where a single line is better still: with two lines of
+# blocks a temporal filter that reads nine images takes a third longer. Coarse levels are no multiple of it
 LONG_SOFTWARE_GROUP = 64, 1
 
 ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
@@ -61,10 +61,10 @@ class Variant:
         levels: So many levels of each target are written, as outputs `NAME`, `NAME_1`, ...; the shader itself stores
             all but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group
             call `shade`, those outside of the image, too. In the same shaders as `parts`.
-        block: Texels, in x and y, that one thread shades one after another. BLOCK is defined then; the shader has a
-            function `void load_block(ivec2 first)`, called once with the first of them, for what they share, and
-            `corner` tells which one `shade` is called for, from (0, 0) on. In shaders for software OpenGL alone, where
-            what takes long is to load and decode texels, and neighbours need the same ones.
+        block: Texels, in x and y, that one thread shades one after another. BLOCK is defined then, and `corner` tells
+            which one `shade` is called for, from (0, 0) on. If the shader defines LOAD_BLOCK, it is called before, with
+            the first of them, for what they share. In shaders for software OpenGL alone, where what takes long is to
+            load and decode texels, and neighbours need the same ones.
         long_lines: Groups are for large levels, with software OpenGL.
     """
 
@@ -99,7 +99,8 @@ def declare_reads(variant: Variant, images: dict[str, int] | None = None, told_s
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
     if images and all(name in images for name, _ in variant.reads):
-        lines.append("#define ZERO_OUTSIDE")    # loads of images are 0 there (OpenGL 4.6, 8.26), fetches of texels anything
+        # Loads of images are 0 there (OpenGL 4.6, 8.26), fetches of texels anything
+        lines.append("#define ZERO_OUTSIDE")
     for name, format_name in variant.reads:
         form = FORMATS[format_name]
         fetch, size = f"texelFetch(texture_{name}, px, 0)", f"textureSize(texture_{name}, 0)"
@@ -162,17 +163,45 @@ def _stored_texel(format_name: str, value: str, software: bool) -> str:
     return f"max({texel}, unknown_zero())" if software and kind == "uvec4" else texel
 
 
+def _main(variant: Variant, stage: Stage, software: bool, stores: list[str]) -> list[str]:
+    """GLSL of main(), which shades one texel or several and stores them. Outside of the image nothing is stored (OpenGL
+    4.6, 8.26)."""
+    if stage == "fragment":
+        return ["void main() {", "    shade(ivec2(gl_FragCoord.xy));", *stores, "}"]
+    invocation, within = "ivec2(gl_GlobalInvocationID.xy)", "    shade(min(px, output_size - 1));"
+    at = f"    ivec2 px = {invocation};"
+    if variant.block != (1, 1):
+        across, down = variant.block
+        lines = ["void main() {", "    read_uniforms();",
+                 f"    ivec2 px, first = {invocation} * ivec2({across}, {down});",
+                 "#ifdef LOAD_BLOCK", "    LOAD_BLOCK(min(first, output_size - 1));", "#endif",
+                 "    int y = 0;", "    do {"]
+        for x in range(across):
+            lines += [f"    corner = ivec2({x}, y);", "    px = first + corner;", within, *stores]
+        # A loop, as four copies of a shader do not fit into a CPU's cache of instructions, and take long to compile
+        return [*lines, f"    }} while (++y < {down});", "}"]
+    if software:
+        return ["void main() {", "    read_uniforms();", at, within, *stores, "}"]
+    if variant.levels > 1:
+        return ["void main() {", at, "    shade(px);", *stores, "}"]
+    if variant.parts > 1:   # all threads of a group meet at its barriers, those outside of the image, too
+        return ["void main() {", at, "    part = int(gl_LocalInvocationID.z);", within, "    if (part > 0) return;",
+                *stores, "}"]
+    return ["void main() {", at, "    if (any(greaterThanEqual(px, output_size))) return;", "    shade(px);",
+            *stores, "}"]
+
+
 def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int], software: bool = False) -> Source:
+    software = software and stage == "compute"
     for_gpu = stage == "compute" and not software
     width, height = _group(variant, software)
     assert variant.parts == variant.levels == 1 or for_gpu and 1 in (variant.parts, variant.levels), variant
-    assert variant.block == (1, 1) or stage == "compute" and software, variant
+    assert variant.block == (1, 1) or software, variant
     if stage == "fragment":
         declarations, stores = declare_fragment_writes(variant.writes)
         head = ["#version 330 core", "precision highp float;"]
-        main = ["void main() {", "    shade(ivec2(gl_FragCoord.xy));", *("    " + s for s in stores), "}"]
     else:
-        declarations, stores = [], []
+        declarations, stores = ["uniform ivec2 output_size;"], []
         for at, (name, format_name, coarser) in enumerate(variant.level_writes()):
             form = FORMATS[format_name]
             declarations.append(_declare_image("writeonly", f"image_{name}", _stored_format(format_name, software), at))
@@ -188,44 +217,20 @@ def _source(variant: Variant, stage: Stage, block: type, images: dict[str, int],
                 "#define COMPUTE"]
         if for_gpu:
             head.append("#define GPU")
-        main = ["uniform ivec2 output_size;", "void main() {",
-                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
-                "    if (any(greaterThanEqual(px, output_size))) return;",
-                "    shade(px);", *("    " + s for s in stores), "}"]
     if variant.levels > 1:
         head += [f"#define LEVELS_AT_ONCE {variant.levels}", f"#define GROUP_THREADS {width * height}"]
-        main = ["void main() {", "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    shade(px);",
-                *("    " + s for s in stores), "}"]
     elif variant.parts > 1:
         head += [f"#define PARTS {variant.parts}", f"#define GROUP_THREADS {width * height}", "int part;"]
-        # All threads of a group meet at its barriers, those outside of the image, too; nothing is stored there
-        # (OpenGL 4.6, 8.26)
-        main = ["uniform ivec2 output_size;", "void main() {",
-                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);", "    part = int(gl_LocalInvocationID.z);",
-                "    shade(min(px, output_size - 1));", "    if (part > 0) return;", *("    " + s for s in stores), "}"]
+    elif variant.block != (1, 1):
+        head += ["#define BLOCK", "ivec2 corner;"]
     body = [*head, *declare_reads(variant, images, for_gpu), *declarations, glsl_block(block, "frame")]
-    if stage == "compute" and software:
+    if software:
         body += _copied_uniforms(variant, block)
         # llvmpipe stores one pixel of a vector at a time, and LLVM would encode each by itself there. It does not move
         # a maximum with what it cannot know
-        body += ["uniform ivec2 output_size;", "uvec4 unknown_zero() { return uvec4(uint(output_size.x >> 31)); }"]
-        # Outside of the image nothing is stored (OpenGL 4.6, 8.26)
-        main = ["void main() {", "    read_uniforms();",
-                "    ivec2 px = ivec2(gl_GlobalInvocationID.xy);",
-                "    shade(min(px, output_size - 1));", *("    " + s for s in stores), "}"]
-        if variant.block != (1, 1):
-            across, down = variant.block
-            body += ["#define BLOCK", "ivec2 corner;"]
-            # A loop: four copies of a shader are faster where they fit into the CPU's cache of instructions, but take long
-            # to compile
-            main = ["void main() {", "    read_uniforms();",
-                    f"    ivec2 first = ivec2(gl_GlobalInvocationID.xy) * ivec2({across}, {down});",
-                    "#ifdef LOAD_BLOCK", "    LOAD_BLOCK(min(first, output_size - 1));", "#endif", "    int y = 0;", "    do {"]
-            for x in range(across):
-                main += [f"        corner = ivec2({x}, y);", f"        {'ivec2 ' if x == 0 else ''}px = first + corner;",
-                         "        shade(min(px, output_size - 1));", *("        " + s for s in stores)]
-            main += [f"    }} while (++y < {down});", "}"]
+        body.append("uvec4 unknown_zero() { return uvec4(uint(output_size.x >> 31)); }")
     source = expand(variant.shader, "\n".join(body))
+    main = _main(variant, stage, software, ["    " + store for store in stores])
     return Source(source.text + "#line 1 0\n" + "\n".join(main) + "\n", source.files)
 
 

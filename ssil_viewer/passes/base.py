@@ -38,8 +38,8 @@ class Read:
 
 
 BLOCK = 2, 2
-"""Texels, in x and y, that one thread shades on software OpenGL where that is faster: a thread costs a small pass a fifth
-of its time, and what neighbours share is loaded once (`Dispatch.block`)."""
+"""Texels, in x and y, that one thread shades on software OpenGL where that is faster: a thread costs a small pass a
+fifth of its time, and what neighbours share is loaded once (`Dispatch.block`)."""
 
 
 @dataclass(frozen=True)
