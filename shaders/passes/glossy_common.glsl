@@ -14,7 +14,7 @@ struct Reflector {
 
 // px: the texel around it, at the level of the taps. scale: size of a texel there on the plane z = 1.
 // Tighter in normal than for irradiance: a mirror direction turns twice as far as its normal. The narrower the lobe, the
-// tighter, down to cos^64, which halves a weight at 8 degrees; with less, curved surfaces would not be denoised at all.
+// tighter, down to cos^52, which halves a weight at 9 degrees; with less, curved surfaces would not be denoised at all.
 Reflector make_reflector(Surface surface, Plane plane, float roughness, ivec2 px, vec2 scale) {
     return Reflector(plane, slant(surface.normal, px, scale), roughness,
                      mix(6.5, 1.63, clamp(roughness * 2.0, 0.0, 1.0)));
