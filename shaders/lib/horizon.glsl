@@ -49,6 +49,21 @@ vec2 in_half_plane(HalfPlane half_plane, vec3 offset) {
     return vec2(dot(offset, half_plane.outward), dot(offset, half_plane.to_camera));
 }
 
+// The view rays of a row of samples: at depth 1 their points lie in the half-plane, which holds the camera, too, along a line.
+struct RowRays {
+    vec2 start, step;           // as `in_half_plane`, but from the camera: at the receiver, and what a texel of the row adds
+};
+
+// along: the row's direction in the image, view space; depth: the receiver's view depth.
+RowRays rays_of_row(HalfPlane half_plane, vec3 along, float depth) {
+    return RowRays(vec2(0.0, -half_plane.distance / depth), in_half_plane(half_plane, along));
+}
+
+// As `in_half_plane` of what lies at a view depth on the ray `texels` from the receiver.
+vec2 in_half_plane(HalfPlane half_plane, RowRays rays, float texels, float depth) {
+    return vec2(0.0, half_plane.distance) + (rays.start + rays.step * texels) * depth;
+}
+
 // 0: in the camera's direction, 1: along the receiver's surface, more: below it.
 float elevation(HalfPlane half_plane, vec2 place) {
     return along_diamond(place.x, place.y) * half_plane.inverse_span;

@@ -42,13 +42,18 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
-void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
-    float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
+// All but the direction; returns its weight.
+float receive(float receiver_cos, vec3 radiance, inout Incoming light) {
     light.irradiance += radiance * max(receiver_cos, 0.0);
     light.back_irradiance += radiance * max(-receiver_cos, 0.0);
     float weight = receiver_cos > 0.0 ? lobe_weight(radiance) : 0.0;
-    light.directions += sender.offset * (weight * sender.inverse_distance);
     light.weights += weight;
+    return weight;
+}
+
+void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
+    float weight = receive(dot(receiver.normal, sender.offset) * sender.inverse_distance, radiance, light);
+    light.directions += sender.offset * (weight * sender.inverse_distance);
 }
 
 Incoming plus(Incoming a, Incoming b) {
@@ -87,9 +92,10 @@ const float NEARER = 0.35;
 
 // What stands in the inner part of a ring along a row: the finer levels have gathered its light, and it is looked for
 // on the starting level's surfaces. Octave by octave, so that what is near is not missed.
-uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction, float shift) {
+uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, RowRays rays, vec2 direction, float shift) {
     vec2 scale = frame.ray_scale * first_texel;
     vec2 center = (vec2(receiver.px) + 0.5) * (texel / first_texel);
+    rays.step *= first_texel / texel;
     uint blocked = 0u;
     float from = 0.0, to = frame.radius;
     int i = 0, step = 0;
@@ -99,12 +105,12 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, vec2 direction
             from = to;
             to *= 2.0;
         }
-        vec2 place = center + direction * mix(from, to, (float(step) + shift) / float(octave_steps));
+        float radius = mix(from, to, (float(step) + shift) / float(octave_steps));
+        vec2 place = center + direction * radius;
         ivec2 at = ivec2(floor(place));
         if (!is_on_screen(at, size_blockers())) break;
         Surface surface = load_blockers(at);
-        vec3 offset = position_on_plane(surface, at, place, scale) - receiver.position;
-        vec2 in_plane = in_half_plane(half_plane, offset);
+        vec2 in_plane = in_half_plane(half_plane, rays, radius, on_plane(surface, at, place, scale).depth);
         if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;      // background; the receiver itself
         blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
     } while (++step, ++i < blocking_steps);
@@ -136,9 +142,12 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
 #endif
     int d = part;
     if (d < directions) do {
-        HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, vec3(direction * scale, 0.0));
+        vec3 along = vec3(direction * scale, 0.0);
+        HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, along);
+        RowRays rays = rays_of_row(half_plane, along, -receiver.position.z);
+        vec2 normal = in_half_plane(half_plane, receiver.normal);
         float shift = fract(jitter + float(d) * 0.618034);
-        uint blocked = blocked_before_ring(receiver, half_plane, direction, shift);
+        uint blocked = blocked_before_ring(receiver, half_plane, rays, direction, shift);
         // First what is near, where there is such a part, then the rest: one body for both, since a choice between two sums for
         // every sample took CPUs a tenth longer, and compilers would inline everything twice
         int field = 1 - near_field;
@@ -147,6 +156,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             Ring part_ring = is_near ? near_ring : ring;
             int count = is_near ? near_steps : steps - near_steps;
             Incoming sum = NO_LIGHT;
+            vec2 directions_in_plane = vec2(0.0);
             int i = 0;
             if (count > 0) do {
                 vec2 place = ring_place(part_ring, float(i) + shift);
@@ -154,24 +164,33 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
                 ivec2 at = ivec2(floor(at_place));
                 if (!is_on_screen(at, size_surface())) break;
                 if (at == receiver.px) continue;
-                Sender sender = look_at_place(receiver, at, at_place);
-                if (!is_seen(sender)) continue;
-                vec2 in_plane = in_half_plane(half_plane, sender.offset);
+                // All in the half-plane, where samples lie by the making of rows: two numbers for three, and no position
+                Surface surface = load_surface(at);
+                OnPlane there = on_plane(surface, at, at_place, scale);
+                vec2 in_plane = in_half_plane(half_plane, rays, place.x, there.depth);
+                float squared = dot(in_plane, in_plane);
+                if (surface.view_depth <= 0.0 || squared <= 0.0) continue;
+                float inverse_distance = inversesqrt(squared), away = -there.depth * there.slant;
                 float front = elevation(half_plane, in_plane);
                 // This order lets CPUs do most at once
                 vec3 radiance = load_radiance(at);
-                float factor = form_factor(sender, strip * place.y);
+                Disc disc = disc_of_texel(away + dot(surface.normal, receiver.position), away, 0.01 * there.depth,
+                                          surface.view_depth, squared, scale);
+                float factor = form_factor(squared, disc, strip * place.y);
                 uint hidden = hidden_by(half_plane, front, in_plane, frame.thickness);
                 bool is_hidden = sees_blocked(blocked, front, NEARER);
 #ifdef VISIBILITY_RAYS
-                float weight = draw_weight(receiver, sender, radiance, strip * place.y);
+                Sender sender = sender_at(receiver, at, surface, position_from_ray(there.ray, there.depth));
+                float weight_to_draw = draw_weight(receiver, sender, radiance, strip * place.y);
                 int kind = is_hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
-                draw(weight, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
+                draw(weight_to_draw, at_place, strip * place.y, random, drawn[kind + KINDS * (i % OF_ROW)]);
 #endif
                 if (is_hidden) factor = 0.0;
-                receive(receiver, sender, radiance * factor, sum);
+                float weight = receive(dot(normal, in_plane) * inverse_distance, radiance * factor, sum);
+                directions_in_plane += in_plane * (weight * inverse_distance);
                 blocked |= hidden;
             } while (++i < count);
+            sum.directions = half_plane.outward * directions_in_plane.x + half_plane.to_camera * directions_in_plane.y;
             if (is_near) near = plus(near, sum);
             else light = plus(light, sum);
         } while (++field < 2);

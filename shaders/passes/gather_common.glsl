@@ -29,13 +29,19 @@ struct Sender {
     float inverse_distance;
 };
 
-// What `surface` shows on the view ray through `place`, in texels: its tangent plane there. The depth stays near that of
-// the texel, whose plane may be seen at a grazing angle.
-vec3 position_on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
-    vec2 ray = ray_from_pixel(place, scale, frame.ray_origin);
-    float at_center = min(dot(surface.normal, vec3(ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin), -1.0)), -1e-4);
-    float moved = at_center / min(dot(surface.normal, vec3(ray, -1.0)), -1e-4);
-    return position_from_ray(ray, surface.view_depth * clamp(moved, 0.9, 1.1));
+// How a surface's tangent plane is met by the view ray through a place.
+struct OnPlane {
+    vec2 ray;
+    float slant;            // dot(normal, ray)
+    float depth;            // it stays near that of the texel, whose plane may be seen at a grazing angle
+};
+
+// place: in texels; at: the texel around it.
+OnPlane on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
+    vec2 ray = ray_from_pixel(place, scale, frame.ray_origin), center = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
+    float slant = dot(surface.normal, vec3(ray, -1.0)), at_center = dot(surface.normal, vec3(center, -1.0));
+    float moved = min(at_center, -1e-4) / min(slant, -1e-4);
+    return OnPlane(ray, slant, surface.view_depth * clamp(moved, 0.9, 1.1));
 }
 
 Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
@@ -65,7 +71,8 @@ Sender look_at(Receiver receiver, ivec2 at) {
 // The same at a place between texel centres; at: the texel around it.
 Sender look_at_place(Receiver receiver, ivec2 at, vec2 place) {
     Surface surface = load_surface(at);
-    return sender_at(receiver, at, surface, position_on_plane(surface, at, place, frame.ray_scale * texel));
+    OnPlane there = on_plane(surface, at, place, frame.ray_scale * texel);
+    return sender_at(receiver, at, surface, position_from_ray(there.ray, there.depth));
 }
 
 // R^2 of the disc that stands for one texel of the sender, as the receiver sees it: `above` / `below`.
@@ -75,20 +82,24 @@ struct Disc {
     float above, below;
 };
 
-// scale: of rays, from texel to texel.
+// facing: -dot(normal, offset). away: -dot(normal, position); least: what it is held above, since a surface seen at a grazing
+// angle would count for infinitely much. scale: of rays, from texel to texel.
+Disc disc_of_texel(float facing, float away, float least, float view_depth, float squared, vec2 scale) {
+    return Disc(max(facing, 0.0) * (scale.x * scale.y * (1.0 / PI)) * (view_depth * view_depth * view_depth),
+                max(away, least) * sqrt(squared));
+}
+
+// The cosine is held above some 1 %.
 Disc disc_of_texel(Sender sender, vec2 scale) {
-    float facing = max(-dot(sender.normal, sender.offset), 0.0);
-    float depth = sender.view_depth;
-    // A surface seen at a grazing angle would count for infinitely much: its cosine is held above some 1 %.
-    return Disc(facing * (scale.x * scale.y * (1.0 / PI)) * (depth * depth * depth),
-                max(-dot(sender.normal, sender.position), -0.01 * sender.position.z) * sqrt(sender.distance_squared));
+    return disc_of_texel(-dot(sender.normal, sender.offset), -dot(sender.normal, sender.position),
+                         -0.01 * sender.position.z, sender.view_depth, sender.distance_squared, scale);
 }
 
 Disc texel_disc(Sender sender) { return disc_of_texel(sender, frame.ray_scale * texel); }
 
-// Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`.
-float form_factor(Sender sender, Disc disc, float texels) {
-    float away = sender.distance_squared * disc.below;
+// Form factor of a sender that stands for `texels` texels of its surface; disc: its `texel_disc`. squared: its distance.
+float form_factor(float squared, Disc disc, float texels) {
+    float away = squared * disc.below;
 #if FORM_FACTOR == 1
     return texels * disc.above / away;
 #elif SPACING == 0
@@ -100,6 +111,8 @@ float form_factor(Sender sender, Disc disc, float texels) {
     return texels * disc.above / (away + texels * disc.above);
 #endif
 }
+
+float form_factor(Sender sender, Disc disc, float texels) { return form_factor(sender.distance_squared, disc, texels); }
 
 float form_factor(Sender sender, float texels) { return form_factor(sender, texel_disc(sender), texels); }
 
