@@ -72,8 +72,8 @@ class FramePlan:
         return frozenset(found)
 
     def bound(self, screen_pass: ScreenPass, dispatch: Dispatch) -> tuple[Variant, dict[str, tuple[str, int]]]:
-        """What a dispatch compiles to, and what it reads, as `variant` and `reads`; asked again it is at hand."""
-        key = (screen_pass.name, dispatch.level, dispatch.defines, dispatch.omit, *dispatch.targets.items(),
+        """What a dispatch compiles to and what it reads, as `variant` and `reads` say; kept, as each frame asks."""
+        key = (screen_pass, dispatch.level, dispatch.defines, dispatch.omit, *dispatch.targets.items(),
                dispatch.parts, dispatch.levels, dispatch.unread, dispatch.block)
         if key not in self._bound:
             reads = self.reads(screen_pass, dispatch)

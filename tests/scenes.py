@@ -86,3 +86,9 @@ def cornell() -> Scene:
     blocks = [*box((-0.35, -0.4, -0.35), (0.6, 1.2, 0.6)), *box((0.4, -0.7, 0.3), (0.6, 0.6, 0.6))]
     return scene(walls + blocks, (white, red, green), (Light("point", intensity=3.0, position=(0.0, 0.9, 0.0)),),
                  "cornell")
+
+
+def half_metal_cornell() -> Scene:
+    """The same box, all of it half a metal, which reflects as well as it scatters."""
+    room = cornell()
+    return replace(room, materials=tuple(replace(m, metallic=0.5, roughness=0.4) for m in room.materials))

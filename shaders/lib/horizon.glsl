@@ -49,7 +49,7 @@ vec2 in_half_plane(HalfPlane half_plane, vec3 offset) {
     return vec2(dot(offset, half_plane.outward), dot(offset, half_plane.to_camera));
 }
 
-// The view rays of a row of samples: at depth 1 their points lie in the half-plane, which holds the camera, too, along a line.
+// The view rays of a row of samples. The half-plane's plane holds the camera, too: their points at depth 1 lie there, on a line.
 struct RowRays {
     vec2 start, step;           // as `in_half_plane`, but from the camera: at the receiver, and what a texel of the row adds
 };

@@ -42,7 +42,7 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
-// All but the direction; returns its weight.
+// All but the direction, whose weight it returns.
 float receive(float receiver_cos, vec3 radiance, inout Incoming light) {
     light.irradiance += radiance * max(receiver_cos, 0.0);
     light.back_irradiance += radiance * max(-receiver_cos, 0.0);
@@ -111,7 +111,7 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, RowRays rays, 
         if (!is_on_screen(at, size_blockers())) break;
         Surface surface = load_blockers(at);
         vec2 in_plane = in_half_plane(half_plane, rays, radius, on_plane(surface, at, place, scale).depth);
-        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;      // background; the receiver itself
+        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;      // background
         blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
     } while (++step, ++i < blocking_steps);
     return blocked;
@@ -164,7 +164,7 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
                 ivec2 at = ivec2(floor(at_place));
                 if (!is_on_screen(at, size_surface())) break;
                 if (at == receiver.px) continue;
-                // All in the half-plane, where samples lie by the making of rows: two numbers for three, and no position
+                // All in the half-plane, in which a row lies by construction: two coordinates instead of three
                 Surface surface = load_surface(at);
                 OnPlane there = on_plane(surface, at, at_place, scale);
                 vec2 in_plane = in_half_plane(half_plane, rays, place.x, there.depth);
@@ -247,16 +247,18 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
         spiral.direction = golden_rotation(spiral.direction);
 #endif
         spiral.at += spiral.step * float(PARTS);
-        if (!may_see(receiver, at)) continue;
+        bool seen = may_see(receiver, at);
+#ifndef ZERO_OUTSIDE
+        if (!seen) continue;
+#endif
         Sender sender = look_at(receiver, at);
         Disc disc = texel_disc(sender);
-#ifdef ZERO_OUTSIDE
-        // CPUs work through the rest in any case
-        vec3 radiance = load_radiance(at) * (disc.above > 0.0 ? form_factor(sender, disc, texels) : 0.0);
-#else
-        if (disc.above <= 0.0) continue;
-        vec3 radiance = load_radiance(at) * form_factor(sender, disc, texels);
+        seen = seen && disc.above > 0.0;
+#ifndef ZERO_OUTSIDE
+        // Such loads are for CPUs, which work through the rest in any case
+        if (!seen) continue;
 #endif
+        vec3 radiance = load_radiance(at) * (seen ? form_factor(sender, disc, texels) : 0.0);
 #if VISIBILITY == 1
         if (radiance == vec3(0.0)) continue;
         VoxelEnd there = voxel_end(slicing, at, sender.position, sender.normal, scale);

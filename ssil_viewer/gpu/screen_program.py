@@ -25,7 +25,8 @@ GROUP = 8, 8    # threads of a compute group in x and y, mostly: 64 threads suit
 # several inputs push one another out of a CPU's cache: with two long ones full-size passes take up to a quarter less
 SOFTWARE_GROUP = 32, 2
 # The same for the image's own level and for blocks of texels, where a single line is better still: with two lines of
-# blocks a temporal filter that reads nine images takes a third longer. Coarse levels are no multiple of it
+# blocks the temporal filter, which has nine images in use, takes 13 instead of 9 ms. For single texels of coarse levels
+# it is too long: many threads of the last group of a line would have nothing to do
 LONG_SOFTWARE_GROUP = 64, 1
 
 ANY_USE = (moderngl.TEXTURE_FETCH_BARRIER_BIT | moderngl.TEXTURE_UPDATE_BARRIER_BIT
@@ -62,10 +63,12 @@ class Variant:
             all but the first by `store_NAME_1(px, value)`, ... LEVELS_AT_ONCE is defined, and all threads of a group
             call `shade`, those outside of the image, too. In the same shaders as `parts`.
         block: Texels, in x and y, that one thread shades one after another. BLOCK is defined then, and `corner` tells
-            which one `shade` is called for, from (0, 0) on. If the shader defines LOAD_BLOCK, it is called before, with
-            the first of them, for what they share. In shaders for software OpenGL alone, where what takes long is to
-            load and decode texels, and neighbours need the same ones.
-        long_lines: Groups are for large levels, with software OpenGL.
+            which one `shade` is called for, from (0, 0) on; what it finds for one beyond the edge of the image, where
+            px is clamped, is not stored. It must assign each output each time, or the last texel's would be stored.
+            If the shader defines LOAD_BLOCK, it is called before, with the first of them, for what they share. In
+            shaders for software OpenGL alone, where what takes long is to load and decode texels, and neighbours need
+            the same ones.
+        long_lines: Groups are single lines, for the image's own level and for blocks, with software OpenGL.
     """
 
     shader: str
@@ -99,7 +102,7 @@ def declare_reads(variant: Variant, images: dict[str, int] | None = None, told_s
     lines = [f"#define {name} {value}".rstrip() for name, value in variant.defines]
     lines += ['#include "lib/packing.glsl"', '#include "lib/spaces.glsl"']
     if images and all(name in images for name, _ in variant.reads):
-        # Loads of images are 0 there (OpenGL 4.6, 8.26), fetches of texels anything
+        # Colours that are loaded from images there are 0 (OpenGL 4.6, 8.26); texels fetched may be anything
         lines.append("#define ZERO_OUTSIDE")
     for name, format_name in variant.reads:
         form = FORMATS[format_name]
@@ -266,7 +269,7 @@ class ScreenProgram:
         self._gl = GLFunctions(context)
         self._compute = stage == "compute"
         threads = _group(variant, software)
-        self._group = threads[0] * variant.block[0], threads[1] * variant.block[1]      # in texels
+        self._group_texels = threads[0] * variant.block[0], threads[1] * variant.block[1]
         # Image unit of each input that is read through one: outputs have the first ones
         self._images: dict[str, int] = {}
         if self._compute and software:
@@ -331,7 +334,7 @@ class ScreenProgram:
             for name, at in self._images.items():
                 if name in inputs:      # a table that this variant does without
                     inputs[name].bind_to_image(at, read=True, write=False)
-            groups = tuple(-(-side // texels) for side, texels in zip(size, self._group))
+            groups = tuple(-(-side // texels) for side, texels in zip(size, self._group_texels))
             self._gl.run_compute(self._program, groups)
             if barrier:
                 self._context.memory_barrier(barrier)

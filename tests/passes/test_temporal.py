@@ -146,14 +146,12 @@ def test_what_moves_makes_it_restless_for_a_while(make_renderer):
 @pytest.mark.parametrize("glossy", [64, 0])
 def test_looking_nothing_up_where_nothing_moves_changes_nothing(make_renderer, monkeypatch, glossy):
     """Software OpenGL has a form of the filter for that; the other one finds the same texels."""
-    room = scenes.cornell()
-    half_metal = replace(room, materials=tuple(replace(m, metallic=0.5, roughness=0.4) for m in room.materials))
     frames = []
     for short_cut in (True, False):
         with monkeypatch.context() as patch:
             if not short_cut:
                 patch.setattr(Frame, "software_form", False)
-            renderer = make_renderer(half_metal, SIZE, samples=8, glossy_samples=glossy)
+            renderer = make_renderer(scenes.half_metal_cornell(), SIZE, samples=8, glossy_samples=glossy)
             renderer.render(CAMERA)
             renderer.render(replace(CAMERA, eye=tuple(np.array(CAMERA.eye) + (0.05, 0.0, 0.0))))
             render_frames(renderer, CAMERA, RESTLESS_FRAMES + 4)

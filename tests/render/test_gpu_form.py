@@ -3,8 +3,6 @@ software OpenGL, which gets another form by itself."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,9 +10,6 @@ from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.settings import Settings
 from tests import scenes
-
-_ROOM = scenes.cornell()
-HALF_METAL = replace(_ROOM, materials=tuple(replace(m, metallic=0.5, roughness=0.4) for m in _ROOM.materials))
 
 
 @pytest.fixture
@@ -29,7 +24,7 @@ def in_both_forms(context):
             renderer = Renderer(context, size, Settings(**{"levels": 4, "start_level": 1} | settings), stage="compute",
                                 keep=("final", "glossy"))
             renderer.runner.software_form = software
-            renderer.set_scene(HALF_METAL)
+            renderer.set_scene(scenes.half_metal_cornell())
             for _ in range(2):
                 renderer.render(scenes.CORNELL_CAMERA)
             found[software] = {(name, level): renderer.read(name, level) for name, info in renderer.buffers().items()

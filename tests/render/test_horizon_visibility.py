@@ -171,3 +171,22 @@ def test_the_half_plane_towards_something_is_that_of_its_row(context):
     assert seen.mean() > 0.9
     np.testing.assert_allclose(alone[:, :2], row[:, :2], atol=2e-3)
     np.testing.assert_allclose(alone[:, 2:], row[:, 2:], rtol=2e-3, atol=2e-3)
+
+
+def test_what_lies_on_a_rows_view_rays_has_its_place_in_the_half_plane(context):
+    """From the row's numbers, the distance in texels and the depth comes the place that the position has."""
+    rng = np.random.default_rng(5)
+    count = 2000
+    ray = np.hstack([rng.uniform(-1.0, 1.0, (count, 2)), np.full((count, 1), -1.0)])
+    position = ray * rng.uniform(0.5, 20.0, (count, 1))
+    along = np.hstack([rng.normal(size=(count, 2)) * 2e-3, np.zeros((count, 1))])
+    texels, depth = rng.uniform(0.0, 100.0, (count, 1)), rng.uniform(0.5, 20.0, (count, 1))
+    there = (ray + along * texels) * depth
+    plane = "HalfPlane plane = make_half_plane(a.xyz, -normalize(a.xyz), b.xyz);"
+    expected = evaluate(context, ("lib/horizon.glsl",), f"{plane} result.xy = in_half_plane(plane, c.xyz - a.xyz);",
+                        position, along, there, there)[:, :2]
+    found = evaluate(context, ("lib/horizon.glsl",), f"{plane} RowRays rays = rays_of_row(plane, b.xyz, -a.z);"
+                     "result.xy = in_half_plane(plane, rays, c.x, c.y);", position, along,
+                     np.hstack([texels, depth, depth]), there)[:, :2]
+    assert np.ptp(expected[:, 0]) > 1.0
+    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
