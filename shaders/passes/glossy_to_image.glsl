@@ -1,4 +1,5 @@
-// Reflected radiance from the starting level to the image. UPSAMPLING: 0 bilateral, 1 nearest. Included by the passes
+// Reflected radiance from the starting level to the image. UPSAMPLING: 0 bilateral, 1 nearest. SAME_TAPS: all pixels of a
+// block of 2x2 look at the same texels, as the starting level's are of four pixels or more. Included by the passes
 // that read `surface`, `specular`, and of the starting level `start_surface` and `glossy_light`; uniform `texel`: width of
 // a texel of that level in pixels.
 #include "lib/taps.glsl"
@@ -6,8 +7,8 @@
 
 bool is_reflecting(vec4 specular) { return max(max(specular.r, specular.g), specular.b) > 0.0; }
 
-#ifdef BLOCK
-// All pixels of a block of 2x2 have the same taps: its middle is never in the middle of a texel of four pixels or more.
+#if defined(BLOCK) && defined(SAME_TAPS)
+// The middle of a block is never beyond the middle of a texel, from one of its pixels to another.
 Surface block_surfaces[3];
 Reflection block_reflections[3];
 

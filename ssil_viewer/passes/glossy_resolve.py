@@ -17,9 +17,10 @@ def _is_needed(settings: Settings) -> bool:
     return uses_glossy(settings) and not settings.temporal
 
 
-def block_of_taps(settings: Settings) -> tuple[int, int]:
-    """Pixels side by side that look at the same texels of the starting level for what they reflect."""
-    return BLOCK if settings.start_level > 1 and settings.upsampling == "bilateral" else (1, 1)
+def to_image(settings: Settings) -> tuple[tuple[str, str], ...]:
+    """Definitions of shaders/passes/glossy_to_image.glsl."""
+    chosen = switch("UPSAMPLING", settings.upsampling, ("bilateral", "nearest"))
+    return (chosen, ("SAME_TAPS", "")) if settings.start_level > 1 else (chosen,)
 
 
 class GlossyResolve(ScreenPass):
@@ -41,6 +42,4 @@ class GlossyResolve(ScreenPass):
         return _is_needed(settings)
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        yield Dispatch(0, {"texel": float(2**frame.settings.start_level)},
-                       (switch("UPSAMPLING", frame.settings.upsampling, ("bilateral", "nearest")),),
-                       block=block_of_taps(frame.settings))
+        yield Dispatch(0, {"texel": float(2**frame.settings.start_level)}, to_image(frame.settings), block=BLOCK)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
-from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
+from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass
 from ssil_viewer.passes.glossy_gather import uses_glossy
-from ssil_viewer.passes.glossy_resolve import block_of_taps
+from ssil_viewer.passes.glossy_resolve import to_image
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
@@ -52,8 +52,8 @@ class Temporal(ScreenPass):
             defines.append(("STILL", ""))
             omit |= {"motion", "previous_surface"}
         if averages_reflections(settings):
-            defines.append(switch("UPSAMPLING", settings.upsampling, ("bilateral", "nearest")))
+            defines += to_image(settings)
         else:
             omit |= {"specular", "start_surface", "glossy_light", "reflection_history", "reflection", "texel"}
         yield Dispatch(0, {"texel": float(2**settings.start_level)}, tuple(defines), frozenset(omit),
-                       block=block_of_taps(settings) if averages_reflections(settings) else (1, 1))
+                       block=BLOCK)

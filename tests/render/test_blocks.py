@@ -57,9 +57,9 @@ def test_blocks_change_no_byte(stored, size, settings):
     assert size == (1, 1) or alone["upsample", 0].any() and alone["direct", 0].any()
 
 
-def test_blocks_are_of_pixels_that_look_at_the_same_texels(stored):
-    """Below a starting level of four pixels a block of four has more than one set of nearest texels."""
-    filtering = {"passes/temporal.glsl", "passes/upsample.glsl"}
-    assert stored(True, (64, 48), start_level=2)[1] >= filtering
-    assert stored(True, (64, 48), start_level=1)[1] & filtering == {"passes/upsample.glsl"}
-    assert not stored(True, (64, 48), start_level=0)[1] & filtering
+def test_what_is_shaded_in_blocks(stored):
+    """Up to the starting level there are coarse texels that four share; windows are not shared."""
+    always = {f"passes/{name}.glsl" for name in ("temporal", "composite", "mipmap_radiance")}
+    assert stored(True, (64, 48), start_level=1)[1] == always | {"passes/upsample.glsl"}
+    assert stored(True, (64, 48), start_level=0)[1] == always
+    assert stored(True, (64, 48), temporal=False)[1] >= {"passes/glossy_resolve.glsl"}
