@@ -8,7 +8,7 @@
 bool is_reflecting(vec4 specular) { return max(max(specular.r, specular.g), specular.b) > 0.0; }
 
 #if defined(BLOCK) && defined(SAME_TAPS)
-// The middle of a block is never beyond the middle of a texel, from one of its pixels to another.
+// The pixels of a block lie on the same side of the middle of their texel, so all have the same taps.
 Surface block_surfaces[3];
 Reflection block_reflections[3];
 

@@ -80,40 +80,32 @@ Sum denoised(ivec2 px, Surface receiver, Plane plane) {
 #ifdef HAS_COARSE
 #ifdef BLOCK
 // What the texels of a block of 2x2 share: the coarse texel around them, and those on its left, right, below and above.
-Surface block_surfaces[5];
-Lobe block_lobes[5];
+struct CoarseTap {
+    Surface surface;
+    Lobe light;
+};
+CoarseTap block_taps[5];
 
 #define LOAD_BLOCK load_block
 void load_block(ivec2 first) {
     ivec2 own = first / 2, last = size_coarse() - 1;
     for (int i = 0; i < 5; ++i) {
         ivec2 at = clamp(own + ivec2(int(i == 2) - int(i == 1), int(i == 4) - int(i == 3)), ivec2(0), last);
-        block_surfaces[i] = load_coarse_surface(at);
-        block_lobes[i] = load_coarse(at);
+        block_taps[i] = CoarseTap(load_coarse_surface(at), load_coarse(at));
     }
 }
 
-// Which of the two on either side of an axis is next to the texel at hand: i is 1 or 2.
-bool is_second(int i) { return (i == 1 ? corner.x : corner.y) == 1; }
-
-// Without a choice by a number that the compiler does not know: arrays would be kept in memory.
-Surface tap_surface(int i, ivec2 at) {
-    Surface tap = block_surfaces[0];
-    if (i > 0) {
-        tap = block_surfaces[2 * i - 1];
-        if (is_second(i)) tap = block_surfaces[2 * i];
-    }
+// 0: the coarse texel around the texel at hand. 1, 2: the nearest one along x and y, on the side of its corner of the block.
+// Both sides are named: for an index that the compiler does not know, arrays would be kept in memory.
+CoarseTap tap_of_corner(int i) {
+    if (i == 0) return block_taps[0];
+    CoarseTap tap = block_taps[2 * i - 1];
+    if ((i == 1 ? corner.x : corner.y) == 1) tap = block_taps[2 * i];
     return tap;
 }
 
-Lobe tap_lobe(int i, ivec2 at) {
-    Lobe tap = block_lobes[0];
-    if (i > 0) {
-        tap = block_lobes[2 * i - 1];
-        if (is_second(i)) tap = block_lobes[2 * i];
-    }
-    return tap;
-}
+Surface tap_surface(int i, ivec2 at) { return tap_of_corner(i).surface; }
+Lobe tap_lobe(int i, ivec2 at) { return tap_of_corner(i).light; }
 #else
 Surface tap_surface(int i, ivec2 at) { return load_coarse_surface(at); }
 Lobe tap_lobe(int i, ivec2 at) { return load_coarse(at); }
