@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
@@ -144,12 +145,26 @@ def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: b
 
 
 def _widths(columns: list[tuple[str, ...]], room: int) -> list[int]:
-    """Width of each column: whole lines where there is room, else broken headers, else broken cells, too.
+    """Width of each column, header first: whole where there is room, else broken headers, else cells of as few lines as
+    fit.
 
     Lines are broken between words only, so that a number stays one.
     """
     whole = [max(map(len, cells)) for cells in columns]
-    words = [max(len(word) for cell in cells for word in cell.split()) for cells in columns]
-    headers = [max(map(len, (*cells[0].split(), *cells[1:]))) for cells in columns]
-    gaps = 2 * len(columns)
-    return next((widths for widths in (whole, headers) if sum(widths) + gaps <= room), words)
+    room -= 2 * len(columns)    # between them
+    if sum(whole) <= room:
+        return whole
+    most = max([1, *(len(cell.split()) for _, *cells in columns for cell in cells)])
+    for lines in range(1, most + 1):
+        widths = [max([*map(len, header.split()), *(_narrowest(cell, lines) for cell in cells)])
+                  for header, *cells in columns]
+        if sum(widths) <= room:
+            break
+    return widths
+
+
+def _narrowest(text: str, lines: int) -> int:
+    """The least width at which a text takes at most some number of lines, no word broken."""
+    longest = max(map(len, text.split()), default=0)
+    return next(width for width in range(max(longest, 1), max(len(text), 1) + 1)
+                if len(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)) <= lines)

@@ -206,3 +206,9 @@ def test_the_documentation_says_which_pass_counts_where():
 def test_tables_break_headers_before_cells_and_never_numbers(room, expected):
     columns = [("start, levels", "1/4, 4, 64 abc"), ("compo & sits", "12345.67")]
     assert measuring._widths(columns, room) == expected
+
+
+def test_rows_in_a_narrow_terminal_take_as_few_lines_as_fit():
+    columns = [("start, levels, samples, visibility", "1/4, 4, 64, horizon"), ("p10 .. p90", "46.62 .. 51.85")]
+    assert [measuring._widths(columns, room) for room in (40, 37, 25, 23, 19)] == \
+        [[19, 14], [19, 14], [11, 8], [11, 8], [10, 5]]
