@@ -22,6 +22,34 @@ Affects = Literal["display", "history", "resources"]
 
 
 @dataclass(frozen=True)
+class Need:
+    """Something without which a setting has no effect.
+
+    Attributes:
+        of: Another setting, or one of `SCENE_NEEDS`.
+        value: What the other setting must be; None: above 0.
+    """
+
+    of: str
+    value: str | bool | None = None
+
+    def __str__(self) -> str:
+        """In words."""
+        if self.of in SCENE_NEEDS:
+            return self.of
+        how = {None: "above 0", True: "on"}.get(self.value, self.value)
+        return f"{self.of.replace('_', ' ')} {how}"
+
+
+ENVIRONMENT, GLOSSY = "an environment map", "glossy materials"
+SCENE_NEEDS = frozenset({ENVIRONMENT, GLOSSY})
+"""What not every scene has, in words."""
+
+_BOUNCES, _TEMPORAL = Need("bounces"), Need("temporal", True)
+_HORIZON, _VOXELS = Need("visibility", "horizon"), Need("visibility", "voxel")
+
+
+@dataclass(frozen=True)
 class Knob:
     """What a setting means and how it may be turned.
 
@@ -35,6 +63,7 @@ class Knob:
             "resources" the render targets (and with them the history).
         group: Heading under which the setting is shown.
         flag: Command-line spelling where it is not the field's name.
+        needs: Without which it has no effect; what these settings need themselves is not repeated.
     """
 
     help: str
@@ -46,6 +75,7 @@ class Knob:
     affects: Affects = "history"
     group: str = "Gather"
     flag: str = ""
+    needs: tuple[Need, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,6 +99,12 @@ class KnobInfo:
     def flag(self) -> str:
         """The command-line flag, with its leading dashes."""
         return "--" + (self.knob.flag or self.name.replace("_", "-"))
+
+    @property
+    def text(self) -> str:
+        """What it does, and what it needs beside a bounce, which nearly all need."""
+        needs = " and ".join(str(need) for need in self.knob.needs if need != _BOUNCES)
+        return f"{self.knob.help} Needs {needs}." if needs else self.knob.help
 
     @property
     def span(self) -> str:
@@ -121,38 +157,41 @@ class Settings:
         1, 8, affects="resources")] = 4
     samples: Annotated[int, Knob(
         "Samples per pixel and level. Noise falls with its square root, cost grows in proportion.",
-        1, 1024, log=True)] = 64
+        1, 1024, log=True, needs=(_BOUNCES,))] = 64
     radius: Annotated[float, Knob(
         "Radius of the disc and of the rings at every level, in texels of a 720-line image. "
         "The reach is radius * 2^(start level + levels - 1) pixels; a wide disc is noisier close by.",
-        1.0, 512.0, "texels", log=True)] = 48.0
+        1.0, 512.0, "texels", log=True, needs=(_BOUNCES,))] = 48.0
     form_factor: Annotated[Literal["disc", "point"], Knob(
         "disc: point-to-disc form factor, finite at contact. point: the plain one, which explodes there; "
-        "for comparison.")] = "disc"
+        "for comparison.", needs=(_BOUNCES,))] = "disc"
     sample_spacing: Annotated[Literal["radius", "area"], Knob(
         "radius: samples evenly spaced in radius, most of them near the receiver. area: evenly in area as in the "
-        "talk, much noisier near contacts; there the form factor matters most; for comparison.")] = "radius"
+        "talk, much noisier near contacts; there the form factor matters most; for comparison.",
+        needs=(_BOUNCES,))] = "radius"
     visibility: Annotated[Literal["off", "voxel", "horizon"], Knob(
         "Whether geometry between sender and receiver blocks light. voxel: a grid of the view frustum is walked for "
         "every sample, as in the talk; the gather then takes several times as long. horizon: samples lie in rows that "
-        "remember which elevations are blocked; up to twice the time.", affects="resources")] = "horizon"
+        "remember which elevations are blocked; up to twice the time.", affects="resources",
+        needs=(_BOUNCES,))] = "horizon"
     thickness: Annotated[float, Knob(
         "How far a visible surface reaches back from the camera, as a share of its depth, where horizon asks what it "
-        "blocks.", 0.0, 1.0, group="Visibility")] = 0.1
+        "blocks.", 0.0, 1.0, group="Visibility", needs=(_HORIZON,))] = 0.1
     visibility_rays: Annotated[int, Knob(
         "Pairs of rays per pixel and level against the scene's triangles: one tells how much of what horizon sees is "
         "seen, one how much of what it hides is hidden, and pixels tell what texels send. Shadows are right in the "
         "mean, whatever the thickness. No screen-space method does this; 0 switches it off. Cost grows in proportion.",
-        0, 16, affects="resources", group="Visibility")] = 0
+        0, 16, affects="resources", group="Visibility", needs=(_HORIZON,))] = 0
     voxel_fill: Annotated[Literal["solid", "surface"], Knob(
         "solid: the inside of closed bodies blocks light, and the surface of what is open. surface: surfaces alone; "
-        "thin walls block more surely, slanted ones shadow themselves more easily.", group="Visibility")] = "solid"
+        "thin walls block more surely, slanted ones shadow themselves more easily.", group="Visibility",
+        needs=(_VOXELS,))] = "solid"
     voxel_slices: Annotated[int, Knob(
         "Depth slices of the voxel grid. Twice as many halve the error in depth and double the grid's memory.",
-        128, 256, step=128, affects="resources", group="Visibility")] = 128
+        128, 256, step=128, affects="resources", group="Visibility", needs=(_VOXELS,))] = 128
     voxel_view_slice: Annotated[int, Knob(
         "Slice that the buffer voxel_slice shows, 0 is the nearest.",
-        0, 255, affects="display", group="Visibility")] = 64
+        0, 255, affects="display", group="Visibility", needs=(_VOXELS,))] = 64
     guard_band: Annotated[int, Knob(
         "Border that is rendered around the image and cut off at the end, so that light from just outside does not pop "
         "in at the edge; at each side, a share of the image's width and height, rounded up to whole texels of the "
@@ -162,36 +201,36 @@ class Settings:
         "Indirect bounces; 0 shows direct light only and skips the indirect passes. Each costs as much as the first.",
         0, 4, affects="resources")] = 1
     feedback: Annotated[bool, Knob(
-        "Light of the last frame is sent on: all further bounces for the price of one, a frame apart. Needs bounces "
-        "and the temporal filter; bounces beyond the first are not gathered then.", affects="resources")] = False
+        "Light of the last frame is sent on: all further bounces for the price of one, a frame apart; bounces "
+        "beyond the first are not gathered then.", affects="resources", needs=(_BOUNCES, _TEMPORAL))] = False
     unseen_samples: Annotated[int, Knob(
         "Pairs of rays per texel of the starting level for light from surfaces that the image does not show: outside "
         "of it, behind the camera, behind other things. They are traced against the scene's triangles, which no "
         "screen-space method does; 0 switches them off. Cost grows in proportion.",
-        0, 32, affects="resources", group="Unseen light")] = 0
+        0, 32, affects="resources", group="Unseen light", needs=(_BOUNCES,))] = 0
     unseen_from: Annotated[Literal["everywhere", "view"], Knob(
         "Which of these surfaces send: all of them, or only what the camera sees and no pixel has, such as ledges seen "
         "edge-on, which is as far as a method could get that knows what the camera sees.",
-        group="Unseen light")] = "everywhere"
+        group="Unseen light", needs=(Need("unseen_samples"),))] = "everywhere"
     mip_filter: Annotated[Literal["vote", "nearest", "average"], Knob(
         "How four texels of depth and normal become one. vote keeps the most typical surface and is steady; "
         "nearest flickers, average invents surfaces; both for comparison.", group="Mipmaps")] = "vote"
     glossy_samples: Annotated[int, Knob(
         "Samples per pixel and level for the reflection of indirect light by glossy surfaces, on top of those for "
         "diffuse light; 0 switches it off. Scenes without glossy materials never spend them.",
-        0, 1024, affects="resources", group="Glossy")] = 16
+        0, 1024, affects="resources", group="Glossy", needs=(_BOUNCES, Need(GLOSSY)))] = 16
     importance_sampling: Annotated[bool, Knob(
         "Take the glossy samples only where the lobe of the reflection lies in the image. Off, they lie all around, "
-        "and most of them miss it; for comparison.", group="Glossy")] = True
+        "and most of them miss it; for comparison.", group="Glossy", needs=(Need("glossy_samples"),))] = True
     upsampling: Annotated[Literal["bilateral", "nearest"], Knob(
         "How coarse light reaches fine pixels. bilateral respects depth and normal edges; "
-        "nearest shows the blocks, for comparison.", group="Upsampling")] = "bilateral"
+        "nearest shows the blocks, for comparison.", group="Upsampling", needs=(_BOUNCES,))] = "bilateral"
     temporal: Annotated[bool, Knob(
         "Reuse of the last frames' light by reverse reprojection. Removes noise and flicker at a constant "
-        "cost.", affects="resources", group="Temporal")] = True
+        "cost.", affects="resources", group="Temporal", needs=(_BOUNCES,))] = True
     temporal_frames: Annotated[int, Knob(
         "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
-        1, 256, "frames", log=True, group="Temporal")] = 32
+        1, 256, "frames", log=True, group="Temporal", needs=(_TEMPORAL,))] = 32
     show: Annotated[Literal["both", "direct", "indirect", "glossy"], Knob(
         "Which light is shown. indirect: diffuse and glossy. glossy: the reflection of indirect light alone.",
         affects="display", group="Display")] = "both"
@@ -216,19 +255,20 @@ class Settings:
         affects="resources", group="Shadows")] = False
     environment_strength: Annotated[float, Knob(
         "Brightness of the environment map, in stops; 0 leaves it as the file has it.",
-        -16.0, 16.0, "EV", group="Environment")] = 0.0
+        -16.0, 16.0, "EV", group="Environment", needs=(Need(ENVIRONMENT),))] = 0.0
     environment_rotation: Annotated[float, Knob(
         "Turn of the environment about +Y, counter-clockwise seen from above.",
-        -180.0, 180.0, "degrees", group="Environment")] = 0.0
+        -180.0, 180.0, "degrees", group="Environment", needs=(Need(ENVIRONMENT),))] = 0.0
     sky_directions: Annotated[int, Knob(
         "Slices in which each texel of the starting level looks for what hides the environment. Cost grows in "
-        "proportion.", 1, 16, group="Environment")] = 4
+        "proportion.", 1, 16, group="Environment", needs=(Need(ENVIRONMENT),))] = 4
     sky_steps: Annotated[int, Knob(
         "Steps to each side of a slice, closer together near by. Cost grows in proportion.",
-        1, 64, group="Environment")] = 16
+        1, 64, group="Environment", needs=(Need(ENVIRONMENT),))] = 16
     sky_thickness: Annotated[float, Knob(
         "Assumed thickness of what hides the environment, as a share of its distance from the camera. Less lets light "
-        "pass behind thin things, and leak through walls.", 0.001, 10.0, log=True, group="Environment")] = 0.1
+        "pass behind thin things, and leak through walls.", 0.001, 10.0, log=True, group="Environment",
+        needs=(Need(ENVIRONMENT),))] = 0.1
     seed: Annotated[int, Knob(
         "Fixes every random choice: same machine, same flags, same bytes.", 0, 2**31 - 1)] = 0
 

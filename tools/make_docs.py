@@ -27,7 +27,8 @@ tone_map = "neutral"
 ```
 
 `--settings FILE` reads one and `--preset NAME` takes a shipped one. The later wins: defaults, preset, settings
-file, flags.
+file, flags. A flag that has no effect under the others or in the scene is warned of; the window draws such settings
+faint.
 
 "After a change" says what has to be made anew: *nothing*, the *history* of the temporal filter, or the
 *textures* (and with them the history).
@@ -63,7 +64,7 @@ def _row(info: KnobInfo) -> str:
         unit = f" {info.knob.unit}" if info.knob.unit else ""
         flag, values = f"`{info.flag}`", f"{_number(info.knob.low)} to {_number(info.knob.high)}{unit}"
         default = _number(info.default)
-    return f"| {flag} | {values} | {default} | {_AFFECTS[info.knob.affects]} | {_cell(info.knob.help)} |\n"
+    return f"| {flag} | {values} | {default} | {_AFFECTS[info.knob.affects]} | {_cell(info.text)} |\n"
 
 
 def _number(value: float) -> str:

@@ -8,7 +8,7 @@ from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
-from ssil_viewer.settings import Settings, knobs
+from ssil_viewer.settings import Settings
 
 USAGE = "[SCENE] [flags]"
 EPILOG = """\
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     from ssil_viewer.measure.bench import Bench
 
     with measuring.renderer_of(args, rows[0]) as renderer:
-        camera = measuring.open_scene(args, renderer)
+        camera = measuring.open_scene(args, renderer, rows)
         bench = Bench(renderer, camera, rows, args.frames)
         try:
             with measuring.progress_bar() as show:
@@ -83,7 +83,7 @@ def rows_of(args: argparse.Namespace) -> list[Settings]:
     base = shared.settings_of(args)
     sweeps = parse_sweeps(args.sweep, values.knob_value)
     if not sweeps:
-        given = {info.name for info in knobs() if hasattr(args, info.name)}
+        given = shared.flags_given(args)
         pinned = {name: getattr(base, name) for name in _ROW_SETTINGS
                   if name in given or getattr(base, name) != getattr(Settings(), name)}
         return talk_settings(base, pinned)
@@ -105,7 +105,7 @@ def _run_scaling(args: argparse.Namespace, files: measuring.Files) -> None:
         plots.require()
     settings = shared.settings_of(args)
     with measuring.renderer_of(args, settings) as renderer:
-        camera = measuring.open_scene(args, renderer)
+        camera = measuring.open_scene(args, renderer, [settings])
         with measuring.progress_bar(in_pipes=True) as show:
             report = scaling.measure(renderer, camera, args.quick, args.frames, show)
     found = scaling.report_tables(report)

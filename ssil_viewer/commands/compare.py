@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
     scale = Scale(args.heat_map_range, args.heat_map_colors == "signed") if heat_map is not None else None
     effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time),
                     args.on_gpu or scale is not None, scale)
-    scene = shared.load(args)
+    scene = shared.load(args, [settings])
     camera = shared.camera_of(args, scene)
     with _progress() as heard:
         done = compare(scene, size=args.size, settings=settings, camera=camera, frames=args.frames or FRAMES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Iterator
@@ -51,9 +51,9 @@ def renderer_of(args: argparse.Namespace, settings: Settings) -> Iterator[Render
         context.release()
 
 
-def open_scene(args: argparse.Namespace, renderer: Renderer) -> Camera:
-    """Load the scene into the renderer; returns the view."""
-    scene = shared.load(args)
+def open_scene(args: argparse.Namespace, renderer: Renderer, rows: Sequence[Settings]) -> Camera:
+    """Load the scene into the renderer; returns the view. `rows` as of `shared.load`."""
+    scene = shared.load(args, rows)
     camera = shared.camera_of(args, scene)
     renderer.set_scene(scene)
     return camera

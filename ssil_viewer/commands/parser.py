@@ -119,7 +119,7 @@ def add_setting_flags(parser: Parser) -> None:
         title = info.knob.group.lower()
         if title not in groups:
             groups[title] = parser.add_argument_group(title)
-        text = info.knob.help.replace("%", "%%")
+        text = info.text.replace("%", "%%")
         common = {"dest": info.name, "default": argparse.SUPPRESS}
         if info.type is bool:
             text += f" Default {'on' if info.default else 'off'}."

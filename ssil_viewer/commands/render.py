@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> None:
                 view = _check_view(view, renderer) if view else None
                 if view and target.suffix.lower() == ".png":
                     renderer.show_buffer(*view)
-                scene = shared.load(args)
+                scene = shared.load(args, [settings])
                 tell_scene(scene)
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)

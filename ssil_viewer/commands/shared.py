@@ -35,7 +35,7 @@ def settings_of(args: argparse.Namespace) -> Settings:
         settings = _and_sources(load_preset(args.preset, settings), settings, f"--preset {args.preset}", sources)
     if args.settings is not None:
         settings = _and_sources(load_settings(Path(args.settings), settings), settings, args.settings, sources)
-    flags = {info.name: getattr(args, info.name) for info in knobs() if hasattr(args, info.name)}
+    flags = {name: getattr(args, name) for name in flags_given(args)}
     settings = settings.replaced(flags)
     check_fits(args.size, settings, sources | dict.fromkeys(_LEVEL_SETTINGS & flags.keys(), ""))
     return settings
@@ -86,14 +86,26 @@ def check_fits(size: tuple[int, int], settings: Settings, explicit: Mapping[str,
                     f"give at most {coarsest} with --levels 1, or a larger --size")
 
 
-def load(args: argparse.Namespace) -> Scene:
-    """Loads the scene with its --lights and its --environment, and prints their warnings on standard error.
+def load(args: argparse.Namespace, rows: Sequence[Settings]) -> Scene:
+    """Loads the scene with its --lights and its --environment, and prints warnings on standard error: theirs, and of
+    flags that have no effect.
 
     Either of the two says how the scene is lit: then it gets no default sun.
+
+    Args:
+        rows: The settings that are going to be used, one after the other.
     """
+    from ssil_viewer import idle_settings
+
     scene = load_described(args)
     warn(scene.warnings)
+    warn(idle_settings.warnings(flags_given(args), rows, scene))
     return scene
+
+
+def flags_given(args: argparse.Namespace) -> set[str]:
+    """Names of the settings that have been given as flags."""
+    return {info.name for info in knobs() if hasattr(args, info.name)}
 
 
 def load_described(args: argparse.Namespace) -> Scene:

@@ -10,7 +10,6 @@ from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.warning_list import printable
-from ssil_viewer.settings import knobs
 
 if TYPE_CHECKING:
     from ssil_viewer.measure.tune import Candidate
@@ -50,10 +49,9 @@ def run(args: argparse.Namespace) -> None:
 
     from ssil_viewer.measure import tables, tune
 
-    pinned = {name: getattr(settings, name) for name in tune.TUNED
-              if name in {info.name for info in knobs() if hasattr(args, info.name)}}
+    pinned = {name: getattr(settings, name) for name in shared.flags_given(args).intersection(tune.TUNED)}
     with measuring.renderer_of(args, settings) as renderer:
-        camera = measuring.open_scene(args, renderer)
+        camera = measuring.open_scene(args, renderer, [settings])
         with measuring.progress_bar() as show:
             tried = tune.tune(renderer, camera, args.ms, pinned, args.frames, show)
         chosen = tune.best(tried, args.ms)

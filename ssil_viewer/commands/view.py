@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> None:
     """Opens the window and returns when it is closed."""
     settings = shared.settings_of(args)
     other = shared.preset_or_file(args.settings_b) if args.settings_b is not None else None
-    scene = shared.load(args)
+    scene = shared.load(args, [settings])
     camera = shared.camera_of(args, scene)
     check_display()
 

@@ -138,7 +138,7 @@ def _drop_bad_triangles(arrays: VertexArrays, label: str, warnings: WarningList)
         longest = np.maximum(np.maximum(_dot(first, first), _dot(second, second)), _dot(third, third))
         solid = _dot(doubled_area, doubled_area) > _DEGENERATE * longest * longest
         if not solid.all():
-            warnings.add("triangles without area were dropped", label, int(np.sum(~solid)))
+            warnings.add("triangles without area, of which nothing is seen, were left out", label, int(np.sum(~solid)))
             indices = indices[solid]
     return replace(arrays, indices=indices)
 

@@ -18,7 +18,7 @@ LAYERS = (
     ("passes",),
     ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
     ("pipeline", "compile_ahead"),
-    ("metering",),
+    ("metering", "idle_settings"),
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),

@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import settings, widgets
 from ssil_viewer.app.state import AppState
+from ssil_viewer.idle_settings import lacking
 from ssil_viewer.settings import knobs
 
 
@@ -32,6 +33,6 @@ class EnvironmentPanel:
         widgets.muted(f"{environment.name}, {width} x {height}")
         for info in knobs():
             if info.knob.group == "Environment":
-                settings.row(state, actions, info)
+                settings.row(state, actions, info, lacking(info.name, state.settings))
         if imgui.button("Remove"):
             actions.remove_environment()

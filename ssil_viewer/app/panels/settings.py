@@ -14,20 +14,23 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
-from ssil_viewer.settings import KnobInfo, Settings, knobs, presets
+from ssil_viewer.idle_settings import found_in, lacking
+from ssil_viewer.settings import KnobInfo, Need, Settings, knobs, presets
 
 # Beyond this many steps a slider cannot be set to a value, and imgui refuses ranges of 2^31.
 _MOST_SLIDER_STEPS = 1 << 20
+_IDLE_ALPHA = 0.45
 _AFFECTS = {"display": "the display only", "history": "restarts the temporal filter",
             "resources": "allocates the buffers anew"}
 
 
 def draw(state: AppState, actions: Actions) -> None:
     """All settings, group by group."""
+    found = found_in(state.scene)
     for group, infos in groupby(sorted(knobs(), key=_group_order), key=lambda info: info.knob.group):
         imgui.separator_text(group)
         for info in infos:
-            row(state, actions, info)
+            row(state, actions, info, lacking(info.name, state.settings, found))
             if info.name == "exposure":
                 if imgui.button("Auto exposure"):
                     actions.meter_exposure()
@@ -67,10 +70,12 @@ def edited(settings: Settings, info: KnobInfo, value: Any) -> tuple[Settings, st
         return settings, str(error)
 
 
-def tooltip(info: KnobInfo) -> str:
-    """What the setting does, its range, default and flag, and what a change costs."""
+def tooltip(info: KnobInfo, lacks: Need | None = None) -> str:
+    """What the setting does, its range, default and flag, what a change costs, and why it has no effect now."""
     knob = info.knob
-    lines = [knob.help]
+    lines = [info.text]
+    if lacks is not None:
+        lines.insert(0, f"No effect now: it needs {lacks}.")
     if knob.low is not None and knob.high is not None:
         lines.append(f"Range {knob.low:g} to {knob.high:g} {knob.unit}".rstrip())
     default = str(info.default).lower() if info.type is bool else f"{info.default}"
@@ -91,12 +96,14 @@ def _group_order(info: KnobInfo) -> int:
     return list(dict.fromkeys(i.knob.group for i in knobs())).index(info.knob.group)
 
 
-def row(state: AppState, actions: Actions, info: KnobInfo) -> None:
-    """Name and widget of one setting."""
+def row(state: AppState, actions: Actions, info: KnobInfo, lacks: Need | None = None) -> None:
+    """Name and widget of one setting; faint where it lacks something, as somebody may set it beforehand."""
     value = getattr(state.settings, info.name)
-    text = tooltip(info)
+    text = tooltip(info, lacks)
+    imgui.push_style_var(imgui.StyleVar_.alpha, _IDLE_ALPHA if lacks else 1.0)
     reset = widgets.label(widgets.title_of(info.name), text, marked=value != info.default)
     changed, new = _widget(info, value)
+    imgui.pop_style_var()
     if imgui.is_item_clicked(imgui.MouseButton_.right):
         reset = True
     widgets.hint(text)

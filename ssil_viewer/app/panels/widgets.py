@@ -46,11 +46,13 @@ def label(text: str, tooltip: str = "", marked: bool = False) -> bool:
 def hint(text: str) -> None:
     """A tooltip of the last item, after a short rest of the mouse."""
     if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.delay_short):
+        imgui.push_style_var(imgui.StyleVar_.alpha, 1.0)   # of a faint item, too
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(imgui.get_font_size() * _TOOLTIP_EM)
         imgui.text(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+        imgui.pop_style_var()
 
 
 def muted(text: str) -> None:
