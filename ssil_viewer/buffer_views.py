@@ -25,8 +25,8 @@ class BufferViews:
             target = buffer.pick(plan.running_targets)
             if target is not None:
                 levels = plan.declared[target].levels(plan.settings)
-                if plan.settings.bounces == 0 and plan.declared[target].extent != "start":
-                    levels = range(levels.start, min(levels.stop, 1))
+                if plan.declared[target].extent == "pyramid" and target not in plan.extended_targets:
+                    levels = levels[:1]
                 if levels:
                     found[name] = BufferInfo(levels, buffer.meaning or plan.declared[target].meaning)
         return found

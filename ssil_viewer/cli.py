@@ -6,6 +6,7 @@ Exit status: 0 done, 1 a fault of the program, 2 bad input or an unfit machine, 
 from __future__ import annotations
 
 import difflib
+import errno
 import importlib
 import os
 import signal
@@ -55,17 +56,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except BrokenPipeError:
-        # The reader has gone, as `| head` does. Python would complain about it again while closing down.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_stdout()   # the reader has gone, as `| head` does
         return 141  # 128 + SIGPIPE, which Windows does not name
     except UserError as error:
         return _complain(str(error), 2, debug)
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            return _complain_of_fault(error, debug)
+        _give_up_stdout()
+        return _complain("no space left for what is printed", 2, debug)
     except MemoryError:
         return _complain("not enough memory, give a smaller --size or scene", 2, debug)
     except Exception as error:
-        reason = " ".join(str(error).split()) or "no message"
-        advice = "please report it with the output of --debug"
-        return _complain(f"internal error, {type(error).__name__}: {reason}, {advice}", 1, debug)
+        return _complain_of_fault(error, debug)
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -124,6 +127,17 @@ def _prepare_process() -> None:
         if stream is not None and hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+
+
+def _give_up_stdout() -> None:
+    """What is left to print goes nowhere: Python would complain about it again while closing down."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complain_of_fault(error: Exception, debug: bool) -> int:
+    reason = " ".join(str(error).split()) or "no message"
+    advice = "please report it with the output of --debug"
+    return _complain(f"internal error, {type(error).__name__}: {reason}, {advice}", 1, debug)
 
 
 def _complain(message: str, status: int, debug: bool) -> int:

@@ -17,6 +17,7 @@ from typing import Callable, Collection, Iterable, Iterator, Sequence
 
 import moderngl
 
+from ssil_viewer.frame_plan import settings_for
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import radius_texels
 from ssil_viewer.gpu.context import Capabilities, create_headless_context
@@ -30,7 +31,7 @@ from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
 from ssil_viewer.passes.rays import RAYS, gathers_unseen, traces_rays
-from ssil_viewer.pipeline import settings_for
+from ssil_viewer.passes.sky import ENVIRONMENT
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Image, Mesh, Primitive, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -159,7 +160,7 @@ class Ahead:
                             keep=self._keep, timed=False)
         lights, drawer = LightTable(context), SceneDrawer(context, FrameBlock)
         if traces_rays(settings):   # as long as the scene has surfaces
-            runner.set_features(RAYS)
+            runner.configure(runner.settings, RAYS)
         try:
             self._screen_passes(self._frame(runner, lights, drawer), until=lambda: not self.told.empty())
             scene = self.told.get()
@@ -178,11 +179,11 @@ class Ahead:
         try:
             if small.environment is not None:
                 maps = EnvironmentMaps(runner.context, small.environment, runner.capabilities.max_texture_size)
-                runner.set_features(runner.features | {"environment"})
+                runner.configure(runner.settings, runner.features | ENVIRONMENT)
             if traces_rays(runner.settings) and small.triangle_count:
                 rays = SceneRays(runner.context, RayTables.of(small, gpu_scene.origin, gathers_unseen(runner.settings)))
             else:
-                runner.set_features(runner.features - RAYS)
+                runner.configure(runner.settings, runner.features - RAYS)
             drawer.set_scene(gpu_scene)
             gpu_scene.upload_transforms()
             lights.update(scene.lights, gpu_scene.origin, gpu_scene.bounds, settings.shadow_resolution,

@@ -174,14 +174,16 @@ class IndirectLighting:
         context = self._context
         host, wireframe = context.fbo, context.wireframe
         scope = context.scope(host or context.detect_framebuffer(), moderngl.NOTHING)
-        with scope:
-            context.wireframe = False
-            try:
-                yield
-            finally:
-                context.wireframe = wireframe
-        context.fbo = host      # the scope itself restores only what OpenGL knows
-        scope.release()
+        try:
+            with scope:
+                context.wireframe = False
+                try:
+                    yield
+                finally:
+                    context.wireframe = wireframe
+        finally:
+            context.fbo = host      # the scope itself restores only what OpenGL knows
+            scope.release()
 
     def release(self) -> None:
         """Free all GPU memory."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, Iterator, Literal
+from typing import TYPE_CHECKING, Iterable, Iterator, Literal
 
 from ssil_viewer.frame_check import FrameError
 from ssil_viewer.gpu.screen_program import Variant
@@ -15,6 +15,14 @@ from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
+    from ssil_viewer.scene.model import Scene
+
+
+def settings_for(passes: Iterable[Pass], scene: Scene | None, settings: Settings) -> Settings:
+    """The settings without what does nothing in a scene; as they are for None."""
+    for p in passes if scene is not None else ():
+        settings = p.settings_for(scene, settings)
+    return settings
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,11 @@ class FramePlan:
         """Declared targets of the passes that run."""
         return frozenset(name for p in self.passes if p.runs(self.settings, self.features)
                          for name in p.writes if name in self.declared and self.declared[name].exists(self.settings))
+
+    @cached_property
+    def extended_targets(self) -> frozenset[str]:
+        """Targets of whose pyramids more than the image's own level is made."""
+        return frozenset(name for p in self.passes if p.runs(self.settings, self.features) for name in p.extends)
 
     def has_target(self, name: str, level: int = 0) -> bool:
         """Whether a target is allocated, at a level."""

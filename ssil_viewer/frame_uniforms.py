@@ -11,7 +11,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.light_table import look_along, perspective
 from ssil_viewer.gpu.targets import rendered_size
 from ssil_viewer.gpu.uniforms import Float, Int, Mat4, Vec2, Vec3
-from ssil_viewer.scene.model import Camera
+from ssil_viewer.scene.model import Camera, box_corners
 from ssil_viewer.settings import Settings
 
 # Steps of the two-dimensional low-discrepancy sequence of the plastic number (Roberts 2018)
@@ -93,8 +93,7 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
         raise UserError(f"a field of view of {math.degrees(camera.vertical_fov):g} degrees cannot be shown", "--fov",
                         "give an angle between 0 and 180")
     view = look_along(eye - origin, forward, up)
-    corners = np.array([[bounds[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
-    depths = -(corners @ view[:3, :3].T + view[:3, 3])[:, 2]
+    depths = -(box_corners(bounds) @ view[:3, :3].T + view[:3, 3])[:, 2]
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     far = max(float(depths.max()) * 1.01, diagonal * 1e-2)
     # From inside a scene the near plane is a two-thousandth of its size: near enough not to be noticed, far

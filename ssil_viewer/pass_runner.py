@@ -81,7 +81,7 @@ class PassRunner:
         self._rasterizes = any(p.writes and not isinstance(p, ScreenPass) for p in self.passes)
         self.size = size
         self.targets: TargetSet | None = None
-        self.targets = self._allocate(size, settings)
+        self.targets = self._allocate(size, self.plan)
         self.frame_index = 0
         self.gl = GLFunctions(context)
         self._previous: View | None = None
@@ -101,7 +101,7 @@ class PassRunner:
 
     @property
     def features(self) -> frozenset[str]:
-        """What the scene has that not every scene has; see `set_features`."""
+        """What the scene has that not every scene has; see `configure`."""
         return self.plan.features
 
     @property
@@ -109,7 +109,8 @@ class PassRunner:
         """Name -> target, of all that are allocated."""
         return self.plan.declared
 
-    def _allocate(self, size: tuple[int, int], settings: Settings) -> TargetSet:
+    def _allocate(self, size: tuple[int, int], plan: FramePlan) -> TargetSet:
+        settings, declared = plan.settings, plan.declared
         shown, advice = f"an image of {size[0]}x{size[1]}", "give a smaller one"
         limit = self.capabilities.max_texture_size
         if not (1 <= size[0] <= limit and 1 <= size[1] <= limit):
@@ -118,9 +119,9 @@ class PassRunner:
             raise UserError(f"{shown} with its guard band is {rendered[0]}x{rendered[1]}", "--guard-band",
                             f"give less: this OpenGL takes {limit}x{limit}")
         if self.capabilities.software:
-            needed = target_bytes(size, settings, self.declared, self._rasterizes)
+            needed = target_bytes(size, settings, declared, self._rasterizes)
             require_memory(sum(needed.values()), shown, "--size", advice)
-        return TargetSet(self.context, size, settings, self.declared, self._rasterizes, self.targets)
+        return TargetSet(self.context, size, settings, declared, self._rasterizes, self.targets)
 
     def target_bytes(self) -> dict[str, int]:
         """Bytes of each target with its levels and history, and of the depth buffer."""
@@ -132,40 +133,31 @@ class PassRunner:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""
         if size == self.size:
             return
-        self._replace_targets(self._allocate(size, self.settings))
+        self._replace_targets(self._allocate(size, self.plan))
         self.size = size
         self.reset_history()
 
-    def set_settings(self, settings: Settings) -> None:
-        """Change settings; drops what the change invalidates and nothing else.
-
-        Raises:
-            UserError: The targets cannot be allocated; the old settings stay then.
-        """
-        affected = self.settings.affected_by(settings)
-        if affected == "resources":
-            self._replace_targets(self._allocate(self.size, settings))
-        self.plan = replace(self.plan, settings=settings)
-        if affected not in (None, "display"):
-            self.reset_history()
-
-    def set_features(self, features: Iterable[str]) -> None:
-        """Tell what the scene has, such as "environment": passes that need it run, and their targets exist.
+    def configure(self, settings: Settings, features: Iterable[str]) -> None:
+        """Change settings and what the scene has, such as "environment": passes that need it run, and their targets
+        exist. Drops what the change invalidates and nothing else.
 
         Raises:
             UserError: The targets cannot be allocated; all stays as it was then.
         """
         before = self.plan
-        if (after := frozenset(features)) == before.features:
-            return
-        self.plan = replace(before, features=after)
-        try:
-            fresh = self._allocate(self.size, self.settings)
-        except UserError:
-            self.plan = before
-            raise
-        self._replace_targets(fresh)
-        self.reset_history()
+        after = replace(before, settings=settings, features=frozenset(features))
+        affected = before.settings.affected_by(settings)
+        if after.features != before.features:
+            affected = "resources"
+        if affected == "resources":
+            self._replace_targets(self._allocate(self.size, after))
+        self.plan = after
+        if affected not in (None, "display"):
+            self.reset_history()
+
+    def set_settings(self, settings: Settings) -> None:
+        """Change settings alone, as `configure` does."""
+        self.configure(settings, self.features)
 
     def _replace_targets(self, fresh: TargetSet) -> None:
         self.targets.release(but=fresh)

@@ -10,9 +10,8 @@ import numpy as np
 
 from ssil_viewer.buffer_views import BufferViews
 from ssil_viewer.buffers import BufferInfo, find_buffer
-from ssil_viewer.errors import UserError
 from ssil_viewer.frame_check import FrameError
-from ssil_viewer.frame_plan import Missing, Needed, PlannedRunner
+from ssil_viewer.frame_plan import Missing, Needed, PlannedRunner, settings_for
 from ssil_viewer.frame_uniforms import Frame as FrameBlock
 from ssil_viewer.frame_uniforms import make_view, radius_texels
 from ssil_viewer.gpu.context import Capabilities
@@ -31,17 +30,11 @@ from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, switch
 from ssil_viewer.passes.composite import Composite
 from ssil_viewer.passes.rays import RAYS, corrects_visibility, gathers_unseen, traces_rays, traces_shadows
+from ssil_viewer.passes.sky import ENVIRONMENT
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
 from ssil_viewer.settings import Settings
-
-
-def settings_for(passes: Iterable[Pass], scene: Scene | None, settings: Settings) -> Settings:
-    """The settings without what does nothing in a scene; as they are for None."""
-    for p in passes if scene is not None else ():
-        settings = p.settings_for(scene, settings)
-    return settings
 
 
 class Renderer:
@@ -63,7 +56,7 @@ class Renderer:
                  passes: Sequence[Callable[[], Pass]] = FRAME) -> None:
         self._runner = PassRunner(context, passes, size, settings, stage=stage, keep=keep)
         if traces_rays(settings):
-            self._runner.set_features({"rays"})   # until a scene comes that has no surfaces
+            self._runner.configure(settings, RAYS)  # until a scene comes that has no surfaces
         self.context = context
         self._settings = settings
         self.scene: Scene | None = None
@@ -107,7 +100,9 @@ class Renderer:
 
     @property
     def origin(self) -> np.ndarray:
-        """(3,) world position, metres, of the zero of the shaders' world space."""
+        """(3,) world position, metres, of the zero of the shaders' world space. Raises FrameError without a scene."""
+        if self._gpu_scene is None:
+            raise FrameError("there is no origin without a scene: call set_scene first")
         return self._gpu_scene.origin
 
     @property
@@ -118,20 +113,28 @@ class Renderer:
     # -- what is rendered ------------------------------------------------------------------------------------------
 
     def set_scene(self, scene: Scene) -> None:
-        """Upload a scene and take its lights and its environment. On an error the old scene stays."""
-        fresh = GpuScene(self.context, scene, self.capabilities.software)
-        rays = None
+        """Upload a scene and take its lights and its environment.
+
+        Raises:
+            UserError: Something cannot be allocated; the old scene stays then.
+        """
+        made: list[GpuScene | SceneRays | EnvironmentMaps] = []
+        rays, maps = None, self._environment_maps
         try:
+            fresh = GpuScene(self.context, scene, self.capabilities.software)
+            made.append(fresh)
             settings = settings_for(self._runner.passes, scene, self._settings)
             if traces_rays(settings) and scene.triangle_count:
                 rays = SceneRays(self.context, RayTables.of(scene, fresh.origin, gathers_unseen(settings)))
-            self._runner.set_settings(settings)
-            self._set_feature("rays", rays is not None)
-            self.set_environment(scene.environment)
-        except UserError:
-            if rays is not None:
-                rays.release()
-            fresh.release()
+                made.append(rays)
+            if scene.environment is not self.environment:
+                maps = self._upload(scene.environment)
+                made += [maps] if maps is not None else []
+            self._runner.configure(settings, (frozenset() if rays is None else RAYS)
+                                   | (frozenset() if maps is None else ENVIRONMENT))
+        except BaseException:
+            for owned in made:
+                owned.release()
             raise
         for former in (self._gpu_scene, self._rays):
             if former is not None:
@@ -140,7 +143,7 @@ class Renderer:
         self._drawer.set_scene(fresh)
         self.scene = scene
         self.set_lights(scene.lights)
-        self.reset_history()
+        self._adopt(scene.environment, maps)
 
     def set_lights(self, lights: Sequence[Light]) -> None:
         """Replace the lights. The history stays: the temporal filter follows light that changes."""
@@ -155,27 +158,47 @@ class Renderer:
         """
         if environment is self.environment:
             return
-        fresh = None
-        if environment is not None:
-            fresh = EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
+        maps = self._upload(environment)
         try:
-            self._set_feature("environment", fresh is not None)
-        except UserError:
-            if fresh is not None:
-                fresh.release()
+            others = self._runner.features - ENVIRONMENT
+            self._runner.configure(self._runner.settings, others if maps is None else others | ENVIRONMENT)
+        except BaseException:
+            if maps is not None:
+                maps.release()
             raise
-        if self._environment_maps is not None:
+        self._adopt(environment, maps)
+
+    def _upload(self, environment: Environment | None) -> EnvironmentMaps | None:
+        if environment is None:
+            return None
+        return EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
+
+    def _adopt(self, environment: Environment | None, maps: EnvironmentMaps | None) -> None:
+        if self._environment_maps not in (None, maps):
             self._environment_maps.release()
-        self._environment_maps, self.environment = fresh, environment
+        self._environment_maps, self.environment = maps, environment
         self.reset_history()
 
-    def _set_feature(self, name: str, there: bool) -> None:
-        """Tell the passes whether the scene has something. Raises UserError when their targets cannot be allocated."""
-        self._runner.set_features(self._runner.features | {name} if there else self._runner.features - {name})
-
     def move_instance(self, index: int, world_from_object: np.ndarray) -> None:
-        """Place an instance of the scene anew, (4, 4); shadows and motion vectors follow."""
-        self._gpu_scene.move(index, world_from_object)
+        """Place an instance of the scene anew; shadows, clip planes and motion vectors follow.
+
+        Args:
+            index: Of `Scene.instances`.
+            world_from_object: (4, 4), translations in the last column.
+
+        Raises:
+            FrameError: No scene was set.
+            IndexError: There is no such instance.
+            ValueError: The matrix has another shape, or is not finite.
+        """
+        if self.scene is None:
+            raise FrameError("there is nothing to move: call set_scene first")
+        if not 0 <= index < len(self.scene.instances):
+            raise IndexError(f"the scene has {len(self.scene.instances)} instances, and none is number {index}")
+        matrix = np.asarray(world_from_object, np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            raise ValueError("world_from_object must be 4x4 finite numbers")
+        self._gpu_scene.move(index, matrix)
         self._moved = True
 
     def missing(self, settings: Settings, ray_tables: RayTables | None = None) -> Missing:
@@ -218,22 +241,17 @@ class Renderer:
         """
         shadows_change = ((settings.shadow_resolution, settings.area_shadow_samples)
                           != (self.settings.shadow_resolution, self.settings.area_shadow_samples))
-        in_force, former = settings_for(self._runner.passes, self.scene, settings), self._runner.settings
+        in_force = settings_for(self._runner.passes, self.scene, settings)
         made = None
         if self._rays_needed(in_force, self._rays):
             fit = ray_tables is not None and ray_tables.scene is self.scene
             if not fit or self._rays_needed(in_force, ray_tables):
                 ray_tables = RayTables.of(self.scene, self.origin, gathers_unseen(in_force))
             made = SceneRays(self.context, ray_tables)
+        features = self._runner.features if made is None else self._runner.features | RAYS
         try:
-            self._runner.set_settings(in_force)
-            try:
-                if made is not None:
-                    self._set_feature("rays", True)
-            except UserError:
-                self._runner.set_settings(former)
-                raise
-        except UserError:
+            self._runner.configure(in_force, features)
+        except BaseException:
             if made is not None:
                 made.release()
             raise
@@ -266,18 +284,18 @@ class Renderer:
         gpu_scene, lights = self._gpu_scene, self._light_table
         view = make_view(camera, self.size, gpu_scene.origin, gpu_scene.bounds, self._runner.band)
         with self._runner.frame():
-            moved = gpu_scene.upload_transforms()
-            stale = self._lights_moved or moved
+            stale = gpu_scene.upload_transforms() or self._lights_moved
+            self._lights_moved = True   # for the next frame, should this one fail before its shadow maps are drawn
             if stale:
                 lights.update(self.lights, gpu_scene.origin, gpu_scene.bounds, self.settings.shadow_resolution,
                               self.capabilities.max_texture_size, self.settings.area_shadow_samples)
-                self._lights_moved = False
             tables = lights.textures | (self._environment_maps.textures if self._environment_maps else {})
             tables |= self._rays.textures if self._rays else {}
             frame = SceneFrame(self._runner, self._runner.settings, self._runner.radius, tables,
                                gpu_scene.has_occlusion_maps, lights=lights, shadows_stale=stale, drawer=self._drawer,
                                rays=self._rays, rays_are_stale=self._moved)
             self._runner.run(frame, view, lights.count, self.scene.background, moving=stale, watched=True)
+            self._lights_moved = False
             if self._view_name is not None:
                 self._views.draw(*self._view_name)
 

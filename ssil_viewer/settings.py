@@ -10,13 +10,13 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-import tomllib
 import typing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Iterator, Literal
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.toml_file import read_toml
 
 Affects = Literal["display", "history", "resources"]
 
@@ -57,6 +57,7 @@ class Knob:
         help: One or two sentences: the effect, then what it costs.
         low, high: Inclusive range of numbers; None where the type has none.
         step: Whole numbers go up from `low` by this.
+        powers: They are powers of two instead.
         unit: Physical or image unit, empty for plain numbers.
         log: Whether a slider should be logarithmic.
         affects: What a change invalidates: "display" nothing, "history" the temporal history,
@@ -71,6 +72,7 @@ class Knob:
     high: float | None = None
     unit: str = ""
     step: int = 1
+    powers: bool = False
     log: bool = False
     affects: Affects = "history"
     group: str = "Gather"
@@ -109,7 +111,14 @@ class KnobInfo:
     @property
     def span(self) -> str:
         """Smallest and largest value of a number, in words."""
-        return f"{self.knob.low:.10g} to {self.knob.high:.10g}"
+        return f"{self.knob.low:.10g} to {self.knob.high:.10g}{', powers of two' if self.knob.powers else ''}"
+
+    def nearest(self, value: float) -> int:
+        """The whole number that a slider's place stands for: the nearest one that fits."""
+        low, step = int(self.knob.low), self.knob.step
+        if self.knob.powers:
+            return 1 << round(math.log2(max(value, 1)))
+        return low + round((value - low) / step) * step
 
     def check(self, value: Any) -> Any:
         """The value in the setting's own type, or UserError when it does not fit.
@@ -126,14 +135,16 @@ class KnobInfo:
                 hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(self.choices)
                 raise UserError(f"{self.name} cannot be {str(value)!r}", self.flag, hint)
             return value
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:  # NaN
             raise self._misfit(value, f"a number from {self.span}")
-        if self.type is int and value != int(value):
-            raise self._misfit(value, "a whole number")
         if not self.knob.low <= value <= self.knob.high:
             raise self._misfit(value, f"a value from {self.span}")
+        if self.type is int and value != int(value):
+            raise self._misfit(value, "a whole number")
         if self.type is int and (value - self.knob.low) % self.knob.step:
             raise self._misfit(value, f"a multiple of {self.knob.step}")
+        if self.knob.powers and int(value) & (int(value) - 1):
+            raise self._misfit(value, "a power of two")
         return self.type(value)
 
     def _misfit(self, value: Any, wanted: str) -> UserError:
@@ -243,7 +254,7 @@ class Settings:
         affects="display", group="Display")] = "neutral"
     shadow_resolution: Annotated[int, Knob(
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
-        128, 8192, "texels", log=True, group="Shadows")] = 2048
+        128, 8192, "texels", powers=True, log=True, group="Shadows")] = 2048
     area_shadow_samples: Annotated[int, Knob(
         "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother "
         "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",
@@ -328,12 +339,7 @@ def load_settings(path: Path, base: Settings | None = None) -> Settings:
     Raises:
         UserError: The file is missing, is not TOML, or holds an unknown name or an unfit value.
     """
-    try:
-        values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("settings file cannot be read", str(path), error.strerror or str(error)) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError("settings file is not valid TOML", str(path), str(error)) from error
+    values = read_toml(path, "settings file")
     if tables := [name for name, value in values.items() if isinstance(value, dict)]:
         raise UserError(f"there are no tables in a file of settings: [{tables[0]}]", str(path),
                         "write name = value lines without headings")

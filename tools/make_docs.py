@@ -63,6 +63,7 @@ def _row(info: KnobInfo) -> str:
     else:
         unit = f" {info.knob.unit}" if info.knob.unit else ""
         flag, values = f"`{info.flag}`", f"{_number(info.knob.low)} to {_number(info.knob.high)}{unit}"
+        values += ", powers of two" if info.knob.powers else ""
         default = _number(info.default)
     return f"| {flag} | {values} | {default} | {_AFFECTS[info.knob.affects]} | {_cell(info.text)} |\n"
 

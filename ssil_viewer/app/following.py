@@ -136,7 +136,6 @@ class RendererFollower:
             if self._shown is None:
                 raise
             state.shader_error = str(error)
-            renderer.set_lights(self.lights)   # shadow maps may not have been drawn
             if self._shown == (self._sent_settings, state.buffer, state.level):
                 self.broken_view = view   # not the settings' doing, so wait for another view
                 return

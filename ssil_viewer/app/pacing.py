@@ -37,18 +37,19 @@ class Pacer:
         """Whether the loop may sleep until something happens."""
         return now - self._last_event > _HAND_RESTS
 
-    def should_render(self, now: float, view: Any, settings: Settings, frame_seconds: float) -> bool:
+    def should_render(self, now: float, view: Any, frame_seconds: float, *settings: Settings) -> bool:
         """Whether this turn renders the scene.
 
         Args:
             view: Whatever the picture depends on; compared with that of the last turn.
             frame_seconds: What a frame takes at present.
+            settings: Of all that is drawn in a frame: A, and B where it is on.
         """
         if view != self._seen:
             self._seen, self._frames = view, 0
         busy_hand = frame_seconds > _SLOW_FRAME and not self.idle(now)
         # After a move the mean is shortened where light differs much, at first
-        wanted = settings.temporal_frames + RESTLESS_FRAMES if settings.temporal and settings.bounces else 1
+        wanted = max(s.temporal_frames + RESTLESS_FRAMES if s.temporal and s.bounces else 1 for s in settings)
         if not self.continuous and self._frames and (self._frames >= wanted or busy_hand):
             return False
         self._frames += 1

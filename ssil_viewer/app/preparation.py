@@ -123,8 +123,9 @@ class Preparation:
         renderer = self._renderer
         # The display's one program is compiled at once
         of_display = {info.name: info.default for info in knobs() if info.knob.affects == "display"}
-        return (replace(renderer.settings, **of_display), renderer.size, renderer.lights, id(renderer.scene),
-                id(renderer.environment))
+        # Of lights their kinds: they may move in every frame
+        return (replace(renderer.settings, **of_display), renderer.size, {light.kind for light in renderer.lights},
+                id(renderer.scene), id(renderer.environment))
 
     def rendered(self) -> None:
         """A frame has ended, and what was said about it is over."""

@@ -32,9 +32,9 @@ _TURN = 0.2             # s of work a turn
 _BUSY_TURN = 0.03       # s while somebody's hand is on the mouse
 _NUMBERS_INTERVAL = 1.0  # s; reading back waits for the GPU
 _WITHOUT_EFFECT = (
-    "samples", "radius", "sample_spacing", "visibility", "thickness", "voxel_fill", "voxel_slices", "voxel_view_slice",
-    "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "show", "exposure",
-    "tone_map", "seed", "unseen_from")
+    "samples", "radius", "sample_spacing", "visibility", "thickness", "visibility_rays", "voxel_fill", "voxel_slices",
+    "voxel_view_slice", "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "show",
+    "exposure", "tone_map", "seed", "unseen_from")
 """Settings that change our own light or its display, but neither what is seen nor what it sends."""
 
 
@@ -156,6 +156,9 @@ class WindowReference:
                 self._built.append((scene, TriangleTables.of(scene, origin)))
             except UserError as error:
                 self._built.append((scene, error))
+            except Exception as error:  # a fault must end the reference, not the window
+                self._built.append((scene, UserError("rays: tables cannot be made", scene.name,
+                                                     f"{type(error).__name__}: {error}")))
 
         if self._builder is None:
             if self._sums is not None:      # of another kind or scene

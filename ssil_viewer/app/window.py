@@ -145,7 +145,8 @@ class Viewer:
         view = follower.look()
         self._pacer.continuous = self.state.continuous
         if (not measuring and view != follower.broken_view and follower.may_render(view)
-                and self._pacer.should_render(now, view, self.state.settings, self.state.frame_time)):
+                and self._pacer.should_render(now, view, self.state.frame_time, self.state.settings,
+                                              *([self.state.other] if self.actions.other.on else []))):
             if self._rendered:
                 self.state.frame_seconds.append(seconds)
             self._rendered = True

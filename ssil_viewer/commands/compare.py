@@ -109,10 +109,6 @@ def run(args: argparse.Namespace) -> None:
             done.result["bounces"] = series
             done.warnings += warnings
     shared.warn(done.warnings)
-    if args.json == "-":
-        print(json.dumps(done.result, indent=2, allow_nan=False))
-    else:
-        print_tables(done)
     if target is not None:
         output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
         measuring.say_written(target)
@@ -122,6 +118,10 @@ def run(args: argparse.Namespace) -> None:
     if pictures is not None:
         output.write_npz(pictures, done.pictures)
         measuring.say_written(pictures)
+    if args.json == "-":
+        print(json.dumps(done.result, indent=2, allow_nan=False))
+    else:
+        print_tables(done)
 
 
 @contextmanager

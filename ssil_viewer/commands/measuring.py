@@ -106,13 +106,17 @@ def check_files(args: argparse.Namespace) -> Files:
 
 
 def write_files(files: Files, texts: dict[str, Callable[[], str]]) -> None:
-    """Write each file completely or not at all. Raises UserError when one cannot be written."""
+    """Write each file completely or not at all, and then what goes to standard output, as that may fail.
+
+    Raises:
+        UserError: A file cannot be written.
+    """
     for kind, path in files.items():
-        if path is None:
-            print(texts[kind](), end="")
-        else:
+        if path is not None:
             output.write_text(path, texts[kind]())
             say_written(path)
+    for kind in (kind for kind, path in files.items() if path is None):
+        print(texts[kind](), end="")
 
 
 def say_written(path: Path) -> None:

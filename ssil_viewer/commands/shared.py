@@ -146,6 +146,8 @@ def camera_of(args: argparse.Namespace, scene: Scene) -> Camera:
 
     camera = default_camera(scene) if args.camera is None else _named_camera(scene, args.camera)
     changes = {name: getattr(args, name) for name in ("eye", "target", "up") if getattr(args, name) is not None}
+    if {"eye", "target"} & changes.keys():
+        changes["near"] = None      # the file's was chosen for its own view
     if args.fov is not None:
         changes["vertical_fov"] = math.radians(args.fov)
     camera = dataclasses.replace(camera, **changes)

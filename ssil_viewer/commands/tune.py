@@ -57,16 +57,16 @@ def run(args: argparse.Namespace) -> None:
         chosen = tune.best(tried, args.ms)
         report = tune.report(renderer, tried, chosen, args.ms)
     notes = ["* is the least error within the budget.", *_NOTES] if chosen else _NOTES
-    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)], notes,
-                           to_stderr=args.json == "-")
-    measuring.write_files(files, {"json": lambda: tables.to_json(report)})
-    if chosen is None:
-        raise tune.nothing_within(tried, args.ms)
-    text = _preset(report, chosen)
-    if target is not None:
+    text = _preset(report, chosen) if chosen is not None else ""
+    if target is not None and text:
         output.write_text(target, text)
         measuring.say_written(target)
-    elif args.json != "-":
+    measuring.write_files(files, {"json": lambda: tables.to_json(report)})
+    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)], notes,
+                           to_stderr=args.json == "-")
+    if chosen is None:
+        raise tune.nothing_within(tried, args.ms)
+    if target is None and args.json != "-":
         print(text, end="")
 
 

@@ -38,7 +38,7 @@ class EnvironmentMaps:
             for level, values in enumerate(levels[1:], start=1):
                 specular.write(_half(values), level=level, alignment=1)
             specular.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        except UserError:
+        except BaseException:
             self.release()
             raise
 

@@ -71,6 +71,8 @@ def expand(name: str, preamble: str = "", root: Path | None = None) -> Source:
             text = (root / path).read_text(encoding="utf-8")
         except OSError as error:
             raise ShaderError(f"{asked_by}: cannot read shader {path}: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise ShaderError(f"{asked_by}: shader {path} is not UTF-8: {error}") from error
         files.append(path)
         lines.append(f"#line 1 {len(files) - 1}")
         add(text, len(files) - 1, path)

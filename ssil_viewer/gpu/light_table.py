@@ -8,7 +8,6 @@ from typing import Sequence
 import moderngl
 import numpy as np
 
-from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.area_points import (
     TILES_PER_POINT,
     area_frame,
@@ -20,7 +19,7 @@ from ssil_viewer.gpu.area_points import (
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.gpu.scene_buffers import float_table
 from ssil_viewer.gpu.screen_program import FLOAT_TABLE
-from ssil_viewer.scene.model import Light
+from ssil_viewer.scene.model import Light, box_corners
 
 LIGHT_TABLES = {"lights": FLOAT_TABLE, "shadow_tiles": FLOAT_TABLE, "shadow_atlas": "sampler2DShadow"}
 """What passes that light something declare: names in shaders -> kind."""
@@ -51,7 +50,7 @@ class Tile:
 def look_along(position: np.ndarray, forward: np.ndarray, up: np.ndarray) -> np.ndarray:
     """view_from_world of a camera at `position` that looks along `forward`; (4, 4) float64."""
     forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, up)
+    right = np.cross(forward, up / np.linalg.norm(up))
     if np.linalg.norm(right) < 1e-6:
         right = np.cross(forward, (1.0, 0.0, 0.0) if abs(forward[0]) < 0.9 else (0.0, 0.0, 1.0))
     right = right / np.linalg.norm(right)
@@ -76,10 +75,6 @@ def off_centre_perspective(low: float, high: float, near: float, far: float) -> 
     clip = perspective(((high - low) / 2,) * 2, near, far)
     clip[0, 2] = clip[1, 2] = (high + low) / (high - low)
     return clip
-
-
-def _corners(bounds: np.ndarray) -> np.ndarray:
-    return np.array([[bounds[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
 
 
 class LightTable:
@@ -191,7 +186,7 @@ class LightTable:
                     made.append(atlas)
                     framebuffer = self._context.framebuffer(depth_attachment=atlas)
                     made.append(framebuffer)
-        except UserError:
+        except BaseException:
             for fresh in made:
                 fresh.release()
             raise
@@ -210,18 +205,23 @@ class LightTable:
         relative |= {light.kind: (4, TILES_PER_POINT * point_count(light, area_samples))
                      for light in lights if light.is_area}
         side_limit = min(max_size, 8192)
-        budget = min((2 * resolution) ** 2, side_limit**2)
-        scale, shadowed = 1, [light.cast_shadow for light in lights]
+        budget, largest = min((2 * resolution) ** 2, side_limit**2), _floor_power_of_two(min(resolution, side_limit))
+        scale = 1
         while True:
-            sides = [[max(_floor_power_of_two(min(resolution, side_limit // 2)) // (relative[x.kind][0] * scale),
-                          _SMALLEST_TILE)] * relative[x.kind][1] if cast else []
-                     for x, cast in zip(lights, shadowed)]
-            if sum(s * s for light_sides in sides for s in light_sides) <= budget:
+            sides = [[max(largest // (relative[x.kind][0] * scale), _SMALLEST_TILE)] * relative[x.kind][1]
+                     if x.cast_shadow else [] for x in lights]
+            over = sum(s * s for light_sides in sides for s in light_sides) - budget
+            if over <= 0:
                 return sides
-            if scale * 2 * _SMALLEST_TILE <= resolution:
-                scale *= 2
-            else:
-                shadowed[max(i for i, cast in enumerate(shadowed) if cast)] = False
+            if scale * 2 * _SMALLEST_TILE > resolution:
+                break
+            scale *= 2
+        for light_sides in reversed(sides):
+            if over <= 0:
+                break
+            over -= sum(s * s for s in light_sides)
+            light_sides.clear()
+        return sides
 
     def release(self) -> None:
         """Free all GPU memory."""
@@ -263,7 +263,7 @@ def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[i
     """
     if not sides:
         return
-    corners = _corners(bounds)
+    corners = box_corners(bounds)
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     nowhere = np.zeros(4)
     if light.kind == "directional":

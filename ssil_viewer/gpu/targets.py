@@ -7,7 +7,6 @@ from typing import Callable, ContextManager, Iterable, Literal
 
 import moderngl
 
-from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.memory import allocating, release_framebuffers
 from ssil_viewer.settings import Settings
 
@@ -204,7 +203,7 @@ class TargetSet:
             elif depth:
                 with self._allocating():
                     self._depth_buffer = context.depth_texture(self._rendered)
-        except UserError:
+        except BaseException:
             self.release(but=former)
             raise
 

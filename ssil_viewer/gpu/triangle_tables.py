@@ -94,7 +94,7 @@ class GpuTriangles:
             for name, texels in tables.texels.items():
                 with allocating(context, "the triangles that rays meet", tables.name, "use a smaller scene"):
                     self.textures[name] = _table(context, texels)
-        except UserError:
+        except BaseException:
             self.release()
             raise
 

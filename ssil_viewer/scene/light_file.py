@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 import typing
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.model import Light, LightKind, Scene
+from ssil_viewer.toml_file import read_toml
 
 _COMMON = ("kind", "name", "color", "intensity", "cast_shadow")
 _PLACE, _WAY = ("position",), ("direction",)
@@ -38,6 +38,7 @@ KEYS: dict[str, tuple[str, ...]] = {
 
 _POSITIVE = ("range", "width", "height", "radius")
 _LARGEST = 1e12
+_WHAT = "the lights file"
 
 
 def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
@@ -50,12 +51,7 @@ def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
         UserError: The file cannot be read, is not TOML, or has an unknown key (the nearest is named) or a bad value.
     """
     shown = str(path)
-    try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError("the lights file cannot be read", shown, error.strerror or str(error)) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
-        raise UserError("the lights file is not valid TOML", shown, str(error)) from error
+    data = read_toml(path, _WHAT)
     _check_names(data, ("keep", "light"), shown)
     keep, tables = data.get("keep", False), data.get("light", [])
     if not isinstance(keep, bool):
@@ -68,8 +64,8 @@ def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
 def is_light_file(path: Path) -> bool:
     """Whether a TOML file is one of lights, as far as it can be read."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        data = read_toml(path, _WHAT)
+    except UserError:
         return False
     return bool({"light", "keep"} & data.keys())
 

@@ -201,6 +201,18 @@ class Camera:
     near: float | None = None
 
 
+def box_corners(box: np.ndarray) -> np.ndarray:
+    """The corners of an axis-aligned box.
+
+    Args:
+        box: (2, 3), least and largest coordinates.
+
+    Returns:
+        (8, 3); bit a of a corner's number tells which of the two coordinate a has.
+    """
+    return np.array([[box[(i >> a) & 1][a] for a in range(3)] for i in range(8)])
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything a file holds that the renderer can show, and a warning for everything it cannot.
@@ -238,22 +250,20 @@ class Scene:
         Returns:
             (minimum, maximum), each (3,) float64. A scene without vertices gives two zero vectors.
         """
-        corners = []
-        boxes: dict[int, np.ndarray] = {}
-        for instance in self.instances:
-            if instance.mesh not in boxes:
-                # One row for each axis: numpy reduces long rows several times as fast as short ones
-                points = [np.ascontiguousarray(p.positions.T) for p in self.meshes[instance.mesh].primitives
-                          if len(p.positions)]
-                if not points:
-                    continue
-                low = np.min([p.min(axis=1) for p in points], axis=0).astype(np.float64)
-                high = np.max([p.max(axis=1) for p in points], axis=0).astype(np.float64)
-                pick = np.array([[(i >> a) & 1 for a in range(3)] for i in range(8)], dtype=bool)
-                boxes[instance.mesh] = np.where(pick, high, low)
-            box = boxes[instance.mesh]
-            corners.append(box @ instance.world_from_object[:3, :3].T + instance.world_from_object[:3, 3])
-        if not corners:
+        boxes = {mesh: self.mesh_corners(mesh) for mesh in {instance.mesh for instance in self.instances}}
+        corners = [boxes[instance.mesh] @ instance.world_from_object[:3, :3].T + instance.world_from_object[:3, 3]
+                   for instance in self.instances]
+        stacked = np.concatenate(corners) if corners else np.zeros((0, 3))
+        if not len(stacked):
             return np.zeros(3), np.zeros(3)
-        stacked = np.concatenate(corners)
         return stacked.min(axis=0), stacked.max(axis=0)
+
+    def mesh_corners(self, mesh: int) -> np.ndarray:
+        """Corners of a mesh's box in its own space: (8, 3) float64, or (0, 3) where it has no vertices."""
+        # One row for each axis: numpy reduces long rows several times as fast as short ones
+        points = [np.ascontiguousarray(p.positions.T) for p in self.meshes[mesh].primitives if len(p.positions)]
+        if not points:
+            return np.zeros((0, 3))
+        low = np.min([p.min(axis=1) for p in points], axis=0).astype(np.float64)
+        high = np.max([p.max(axis=1) for p in points], axis=0).astype(np.float64)
+        return box_corners(np.stack([low, high]))

@@ -176,29 +176,29 @@ def test_rendering_stops_when_the_temporal_filter_has_settled():
     pacer = Pacer(continuous=False)
     settings = Settings(temporal_frames=8)
     settles = 8 + RESTLESS_FRAMES
-    rendered = [pacer.should_render(n, "view", settings, 0.01) for n in range(settles + 4)]
+    rendered = [pacer.should_render(n, "view", 0.01, settings) for n in range(settles + 4)]
     assert rendered == [True] * settles + [False] * 4
-    assert pacer.should_render(settles + 4, "other view", settings, 0.01)
+    assert pacer.should_render(settles + 4, "other view", 0.01, settings)
 
 
 def test_without_temporal_filter_one_frame_is_enough():
     pacer = Pacer(continuous=False)
-    assert [pacer.should_render(n, "view", Settings(temporal=False), 0.01) for n in range(3)] == [True, False, False]
+    assert [pacer.should_render(n, "view", 0.01, Settings(temporal=False)) for n in range(3)] == [True, False, False]
 
 
 def test_a_hand_on_the_panels_comes_before_slow_frames():
     pacer = Pacer(continuous=False)
-    assert pacer.should_render(0.0, "view", Settings(), 1.0)
+    assert pacer.should_render(0.0, "view", 1.0, Settings())
     pacer.event(1.0)
-    assert not pacer.should_render(1.1, "view", Settings(), 1.0)
-    assert pacer.should_render(1.1, "view", Settings(), 0.01)     # quick frames disturb nobody
-    assert pacer.should_render(1.2, "changed", Settings(), 1.0)   # a change is what the hand wants to see
-    assert pacer.should_render(1.9, "changed", Settings(), 1.0)
+    assert not pacer.should_render(1.1, "view", 1.0, Settings())
+    assert pacer.should_render(1.1, "view", 0.01, Settings())     # quick frames disturb nobody
+    assert pacer.should_render(1.2, "changed", 1.0, Settings())   # a change is what the hand wants to see
+    assert pacer.should_render(1.9, "changed", 1.0, Settings())
 
 
 def test_continuous_rendering_never_stops():
     pacer = Pacer(continuous=True)
-    assert all(pacer.should_render(n, "view", Settings(temporal=False), 1.0) for n in range(5))
+    assert all(pacer.should_render(n, "view", 1.0, Settings(temporal=False)) for n in range(5))
 
 
 # Loading
@@ -287,3 +287,8 @@ def test_folders_come_first_and_hidden_or_unknown_files_not_at_all(tmp_path):
     (tmp_path / "gone.glb").symlink_to(tmp_path / "nowhere")
     assert [entry.name for entry in list_folder(tmp_path, (".glb", ".obj"))] == ["zoo", "A.OBJ", "b.glb"]
     assert "notes.txt" in [entry.name for entry in list_folder(tmp_path, None)]
+
+
+def test_settings_b_get_the_frames_that_they_need():
+    pacer, settings = Pacer(continuous=False), (Settings(temporal=False), Settings(temporal_frames=8))
+    assert sum(pacer.should_render(n, "view", 0.01, *settings) for n in range(60)) == 8 + RESTLESS_FRAMES

@@ -232,6 +232,8 @@ def test_the_first_frame_and_those_that_compile_are_announced(state, renderer, m
     assert state.preparing == "" and [prepare.may_render() for _ in range(3)] == [False, False, True]
     monkeypatch.setitem(SHADER_NAMES, OLD, {"the sky"})
     assert prepare.may_render(), "what the frame has not compiled it does not need: it is not said for ever"
+    renderer.lights = (replace(renderer.lights[0], position=(1.0, 2.0, 3.0)),)
+    assert prepare.may_render(), "where a light is decides no program"
     renderer.environment = object()
     prepare.begin_turn()
     assert not prepare.may_render() and state.preparing

@@ -207,3 +207,15 @@ def test_the_benchmark_has_the_renderer_for_itself(small, reference):
     assert small.actions.benchmark.running
     small.actions.benchmark.stop()
     assert converged(small).shown
+
+
+@pytest.mark.parametrize("error", [MemoryError(), UserError("too many triangles")], ids=lambda e: type(e).__name__)
+def test_triangles_that_cannot_be_sorted_end_the_reference_and_not_the_window(small, monkeypatch, error):
+    def fail(*arguments):
+        raise error
+
+    monkeypatch.setattr(window_reference.TriangleTables, "of", fail)
+    small.actions.set_reference("R2")
+    until(small, lambda: small.state.reference == "off")
+    told = "tables cannot be made" if isinstance(error, MemoryError) else "too many triangles"
+    assert any(told in toast.text for toast in small.state.toasts)

@@ -126,3 +126,9 @@ def test_files_are_included_once(tmp_path):
     (tmp_path / "b.glsl").write_text('#include "a.glsl"\nfloat b;\n')
     (tmp_path / "c.glsl").write_text('#include "a.glsl"\n#include "b.glsl"\nfloat c;\n')
     assert expand("c.glsl", "", tmp_path).text.count("float a;") == 1
+
+
+def test_a_file_in_another_encoding_is_named(tmp_path):
+    (tmp_path / "outer.glsl").write_bytes(b"// caf\xe9\n")
+    with pytest.raises(ShaderError, match=r"outer\.glsl is not UTF-8"):
+        expand("outer.glsl", "", tmp_path)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -164,3 +166,14 @@ def test_lights_and_environments_that_cannot_be_loaded(workplace, capsys, flag, 
     (workplace / f"text{ending}").write_text("this is no light")
     (workplace / f"loop{ending}").symlink_to(f"loop{ending}")
     complaint(["render", "builtin:cornell", "-o", "out.png", flag, stem + ending], workplace, capsys)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has such a device")
+@pytest.mark.parametrize("reader", ["> /dev/full", "| true"])
+def test_what_was_measured_is_in_its_file_although_nothing_can_be_printed(workplace, reader):
+    command = (f"{sys.executable} -m ssil_viewer bench builtin:cornell --size 32x18 --frames 1 --sweep samples=1 "
+               f"--json found.json {reader}")
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
+    assert len(json.loads((workplace / "found.json").read_text())["rows"]) == 1
+    assert "internal error" not in done.stderr
+    assert ("no space left for what is printed" in done.stderr) == ("full" in reader)

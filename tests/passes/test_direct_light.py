@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.gpu.light_table import LightTable
 from ssil_viewer.scene.model import Camera, Light, Material
 from tests import scenes
 
@@ -189,3 +190,14 @@ def test_a_glossy_dielectric_keeps_its_diffuse_part_in_radiance(make_renderer):
     middle = SIZE[1] // 2, SIZE[0] // 2
     assert renderer.read("radiance")[middle] == pytest.approx(ALBEDO * 2 / np.pi, rel=0.02)
     assert (renderer.read("direct") - renderer.read("radiance"))[middle].min() > 0.01
+
+
+def test_shadow_maps_are_as_large_as_asked_and_the_last_lights_go_without():
+    def sides(lights, resolution=2048):
+        return LightTable._tile_sides(lights, resolution, 16384, 9)
+
+    assert [sides([Light("directional")], side) for side in (128, 4096, 8192)] == [[[128]], [[4096]], [[8192]]]
+    assert sides([Light("directional")] * 4) == [[2048]] * 4
+    crowd = sides([Light("point"), Light("spot", cast_shadow=False), *[Light("point")] * 3000])
+    room = (2 * 2048) ** 2 // (6 * 64**2)
+    assert [len(of_light) for of_light in crowd] == [6, 0, *[6] * (room - 1), *[0] * (3001 - room)]

@@ -192,3 +192,13 @@ def test_a_small_bright_square_keeps_its_direction_and_energy():
     expected = sum(1000.0 * solid[y] * np.maximum(normals @ direction_of((x + 0.5) / width, (y + 0.5) / height), 0)
                    for y in range(100, 106) for x in range(300, 306))
     assert np.abs(irradiance_map(pixels)[..., 0] - expected).max() < 0.01 * expected.max()
+
+
+def test_without_bounces_the_levels_that_occlusion_reads_can_be_seen(make_renderer):
+    """Nothing gathers, but the environment's light looks for what hides it on coarse surfaces."""
+    renderer = render(make_renderer, (FLOOR,), constant(1.0, 1.0, 1.0), levels=3)
+    assert renderer.buffers()["normal"].levels == range(5) and renderer.buffers()["radiance"].levels == range(1)
+    assert np.allclose(renderer.read("normal", 4)[-1, 5], (0.0, 1.0, 0.0), atol=0.2)
+    renderer.set_environment(None)
+    renderer.render(CAMERA)
+    assert renderer.buffers()["normal"].levels == range(1)

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer.scene.model import Camera, Image, Instance, Material, Scene, TextureRef
+from ssil_viewer.frame_check import FrameError
+from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.model import Camera, Image, Instance, Light, Material, Mesh, Scene, TextureRef
 from tests import scenes
 
 SIZE = 63, 41
@@ -197,3 +199,50 @@ def test_materials_without_a_map_keep_their_factors(make_renderer, size):
     albedo = render(make_renderer, scene).read("albedo")
     assert np.allclose(albedo[:, :SIZE[0] // 2 - 1], (1, 0, 0), atol=0.01)
     assert np.allclose(albedo[:, SIZE[0] // 2 + 1:], (0.25, 0.5, 0.75), atol=0.01)
+
+
+def test_an_object_that_leaves_the_scenes_box_is_seen_lit_and_casts_its_shadow(make_renderer):
+    """As where the scene was loaded like that; and back in its place as it was."""
+    block = Mesh("block", scenes.box((0, 0, 1), (1, 1, 1)))
+    place = np.eye(4)
+    place[2, 3] = -20.0
+    sun = Light("directional", intensity=3.0, direction=(0.0, 0.0, -1.0))
+    scene = scenes.scene((WALL,), (WHITE,), (sun,))
+    scene = replace(scene, meshes=(*scene.meshes, block), instances=(Instance("wall", 0, place),
+                                                                    Instance("block", 1, np.eye(4))))
+    near = replace(scene, instances=(Instance("wall", 0, np.eye(4)), scene.instances[1]))
+    renderer = render(make_renderer, near)
+    first = [renderer.read(name) for name in ("view_depth", "direct")]
+    renderer.move_instance(0, place)
+    renderer.render(CAMERA)
+    fresh = render(make_renderer, scene)
+    assert (fresh.read("view_depth") > 0).mean() > 0.2
+    assert np.allclose(renderer.read("view_depth"), fresh.read("view_depth"), rtol=1e-4)
+    shadow = fresh.read("direct")[..., 0]
+    assert (shadow == 0).any() and (shadow > 0.1).any()
+    assert (np.abs(renderer.read("direct")[..., 0] - shadow) < 0.02).mean() > 0.97
+    renderer.move_instance(0, np.eye(4))
+    renderer.render(CAMERA)
+    assert all(np.array_equal(renderer.read(name), seen) for name, seen in zip(("view_depth", "direct"), first))
+
+
+def test_what_cannot_be_moved(make_renderer, context):
+    renderer = make_renderer(scenes.scene((WALL,), (WHITE,)), SIZE)
+    for index in (-1, 1):
+        with pytest.raises(IndexError, match="1 instances"):
+            renderer.move_instance(index, np.eye(4))
+    for matrix in (np.eye(3), np.full((4, 4), np.nan)):
+        with pytest.raises(ValueError, match="4x4 finite"):
+            renderer.move_instance(0, matrix)
+    empty = Renderer(context, SIZE)
+    with pytest.raises(FrameError, match="set_scene"):
+        empty.move_instance(0, np.eye(4))
+    with pytest.raises(FrameError, match="set_scene"):
+        assert empty.origin is None
+    empty.release()
+
+
+def test_the_length_of_the_upward_direction_does_not_matter(make_renderer):
+    renderer = render(make_renderer, scenes.cornell(), replace(scenes.CORNELL_CAMERA, up=(0.0, 1e-7, 0.0)))
+    expected = render(make_renderer, scenes.cornell(), scenes.CORNELL_CAMERA)
+    assert np.array_equal(renderer.read("view_depth"), expected.read("view_depth"))

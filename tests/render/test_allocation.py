@@ -10,7 +10,9 @@ import pytest
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import memory, scene_buffers
+from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.settings import Settings
 from tests import scenes
@@ -86,6 +88,32 @@ def test_the_old_scene_stays(renderer, monkeypatch, method):
             renderer.set_scene(scenes.cornell())
     assert renderer.scene is scene
     assert np.array_equal(picture(renderer), before)
+
+
+@pytest.mark.parametrize("before, shown", [({"shadow_rays": True}, ()), ({}, ("glossy_light",))], ids=["rays", "gloss"])
+def test_the_old_scene_stays_with_what_is_its_own(renderer, before, shown):
+    """One without surfaces, which needs no tables for rays, or one of metals; the new one is refused at the end."""
+    old = scenes.half_metal_cornell() if shown else dataclasses.replace(scenes.cornell(), instances=())
+    renderer.set_scene(old)
+    renderer.set_settings(dataclasses.replace(renderer.settings, **before))
+    expected = picture(renderer)
+    side = renderer.capabilities.max_texture_size + 2
+    vast = Environment("vast", np.ones((2, side, 3), np.float32))
+    with pytest.raises(UserError, match="more than this OpenGL takes"):
+        renderer.set_scene(dataclasses.replace(scenes.cornell(), environment=vast))
+    assert renderer.scene is old and set(shown) <= renderer.buffers().keys()
+    assert np.array_equal(picture(renderer), expected)
+
+
+def test_a_frame_that_fails_before_its_shadow_maps_leaves_them_to_the_next(renderer, monkeypatch):
+    expected = picture(renderer)
+    renderer.set_lights(renderer.lights)
+    with monkeypatch.context() as patch:
+        patch.setattr(SceneDrawer, "draw_depth", lambda *arguments: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            picture(renderer)
+    assert renderer.context.error == "GL_NO_ERROR"
+    assert np.array_equal(picture(renderer), expected)
 
 
 def test_the_old_shadow_maps_stay(renderer, monkeypatch):

@@ -249,3 +249,12 @@ def test_timings_are_taken_on_request(host, context):
         names = ["import", "mipmap", "mipmap_radiance", "gather", "upsample", "temporal"]
         assert list(lighting.timings.passes) == (names if timed else [])
         lighting.release()
+
+
+def test_the_hosts_framebuffer_is_bound_after_an_error_too(host, lighting, monkeypatch):
+    screen = host.context.resting_framebuffer
+    screen.use()
+    monkeypatch.setattr(lighting._runner, "run", lambda *arguments, **named: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        lighting.compute(**host.inputs())
+    assert host.context.fbo is screen and host.context.error == "GL_NO_ERROR"

@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ssil_viewer"
 # A module may import from its own layer and from those above it in this list.
 LAYERS = (
     ("errors", "resources"),
+    ("toml_file",),
     ("settings", "scene", "output"),
     ("gpu", "buffers"),
     ("frame_uniforms",),

@@ -199,6 +199,13 @@ def test_flags_are_laid_over_the_camera_of_the_scene():
     assert camera.vertical_fov == pytest.approx(1.5707963)
 
 
+@pytest.mark.parametrize("words, near", [([], 5.0), (["--fov", "30"], 5.0), (["--eye", "0,0,2"], None),
+                                         (["--target", "0,1,0"], None)])
+def test_another_view_does_not_keep_the_near_plane_of_the_files(words, near):
+    scene = Scene("s", cameras=(Camera("far", eye=(0, 0, 9), near=5.0),))
+    assert shared.camera_of(parse("--camera", "far", *words), scene).near == near
+
+
 @pytest.fixture
 def ran(monkeypatch):
     """Replaces the commands by ones that note what they were called with."""

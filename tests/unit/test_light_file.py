@@ -83,7 +83,7 @@ def test_lights_replace_those_of_the_scene_or_come_on_top(tmp_path, keep):
     ("[[lights]]\nkind = 'point'", "did you mean light?"),
     ("light = 3", "begin each with [[light]]"),
     ("keep = 1", "keep cannot be 1"),
-    ("[[light]", "not valid TOML"),
+    ("[[light]", "not valid TOML"), ("keep = " + "[" * 20_000, "nested too deeply"),
 ])
 def test_mistakes_are_named(tmp_path, text, expected):
     with pytest.raises(UserError) as error:

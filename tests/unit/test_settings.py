@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.scene.light_file import is_light_file
 from ssil_viewer.settings import Settings, knobs, load_preset, load_settings, presets
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -134,3 +135,23 @@ def test_the_settings_page_is_current():
     spec.loader.exec_module(module)
     page = (ROOT / "docs" / "settings.md").read_text(encoding="utf-8")
     assert page == module.settings_page(), "run make docs"
+
+
+@pytest.mark.parametrize("text, shown", [
+    ("samples = " + "1" * 400, "give a value from 1 to 1024"), ("samples = " + "1" * 5000, "not valid TOML"),
+    ("samples = " + "[" * 20_000 + "]" * 20_000, "nested too deeply"),
+])
+def test_settings_files_that_are_too_much(tmp_path, text, shown):
+    file = tmp_path / "bad.toml"
+    file.write_text(text)
+    with pytest.raises(UserError, match=shown):
+        load_settings(file)
+    assert not is_light_file(file)
+
+
+def test_sides_of_shadow_maps_are_powers_of_two():
+    info = next(info for info in knobs() if info.name == "shadow_resolution")
+    assert [info.check(side) for side in (128, 2048, 8192)] == [128, 2048, 8192]
+    with pytest.raises(UserError, match="power of two"):
+        info.check(3000)
+    assert [info.nearest(place) for place in (128, 200, 3000, 8192)] == [128, 256, 4096, 8192]

@@ -128,6 +128,6 @@ def _widget(info: KnobInfo, value: Any) -> tuple[bool, Any]:
         return imgui.input_int(name, value)
     if info.type is int:
         changed, new = imgui.slider_int(name, value, int(knob.low), int(knob.high), number_format(info), flags)
-        new = int(knob.low) + round((new - knob.low) / knob.step) * knob.step
+        new = info.nearest(new)
         return changed and new != value, new
     return imgui.slider_float(name, value, knob.low, knob.high, number_format(info), flags)
