@@ -18,8 +18,7 @@ from typing import Callable, Collection, Iterable, Iterator, Sequence
 import moderngl
 
 from ssil_viewer.frame_plan import settings_for
-from ssil_viewer.frame_uniforms import Frame as FrameBlock
-from ssil_viewer.frame_uniforms import radius_texels
+from ssil_viewer.frame_uniforms import FrameBlock, radius_texels
 from ssil_viewer.gpu.context import Capabilities, create_headless_context
 from ssil_viewer.gpu.environment_maps import EnvironmentMaps
 from ssil_viewer.gpu.light_table import LightTable

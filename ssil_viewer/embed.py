@@ -59,13 +59,16 @@ class IndirectLighting:
     Args:
         context: The host's, OpenGL 3.3 or newer, current in this thread.
         size: Width and height of the G-buffer in pixels.
-        settings: As for the renderer; those of its display have no effect, and `guard_band` has none: a host that
-            wants one draws a wider G-buffer, and uses the middle of the answer. `bounces` must not be 0.
+        settings: As for the renderer; those of its display, of shadows and of the environment have no effect. Whatever
+            is given, `guard_band` is 0: a host that wants one draws a wider G-buffer, and uses the middle of the
+            answer; `bounces` is 1 and `feedback` off, since further bounces need albedo; `unseen_samples` and
+            `visibility_rays` are 0, since rays need the scene's triangles; `glossy_samples` is 0, since reflections
+            need materials. `bounces` 0 and `visibility` "voxel" are refused.
         stage: How the passes compile; "auto" is compute where OpenGL is 4.3 or newer.
         timed: Measure each pass, see `timings`. Not within a time query of the host's own: such queries do not nest.
 
     Raises:
-        UserError: OpenGL is too old, or the size does not fit.
+        UserError: OpenGL is too old, the size does not fit, or settings are refused.
     """
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int], settings: Settings = Settings(), *,
@@ -85,7 +88,7 @@ class IndirectLighting:
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
+        """The settings in force; see the class for those that are not as they were given."""
         return self._runner.settings
 
     @property
@@ -99,7 +102,7 @@ class IndirectLighting:
             self._runner.resize(size)
 
     def set_settings(self, settings: Settings) -> None:
-        """Change the settings. Raises UserError when they do not fit; the old ones stay then."""
+        """Change the settings. Raises UserError when they are refused or do not fit; the old ones stay then."""
         settings = _own_settings(settings)
         with self._own_state():
             self._runner.set_settings(settings)
@@ -193,7 +196,11 @@ class IndirectLighting:
 
 
 def _own_settings(settings: Settings) -> Settings:
-    """What of a host's settings is in force. Raises UserError where nothing would be left to do."""
+    """What of a host's settings is in force, as `IndirectLighting` and docs/python-api.md list it.
+
+    Raises:
+        UserError: Nothing would be left to do, or voxels are asked for.
+    """
     if settings.bounces == 0:
         raise UserError("without a bounce there is no indirect light", "bounces", "give 1")
     if settings.visibility == "voxel":

@@ -23,7 +23,7 @@ MOVING_FRAMES = 2
 
 
 @dataclass(frozen=True)
-class Frame:
+class FrameBlock:
     """The uniform block `frame`. World space is relative to the scene's origin (gpu/scene_buffers.py)."""
 
     view_from_world: Mat4
@@ -136,7 +136,7 @@ def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) 
 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
                light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False,
-               still: bool = False) -> Frame:
+               still: bool = False) -> FrameBlock:
     """The uniform block of one frame.
 
     Args:
@@ -161,7 +161,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         clip = v.clip_from_view
         return (clip[0, 2] - 1) / clip[0, 0], (clip[1, 2] - 1) / clip[1, 1]
 
-    return Frame(
+    return FrameBlock(
         view_from_world=view.view_from_world, world_from_view=world_from_view, clip_from_view=view.clip_from_view,
         previous_view_from_world=previous.view_from_world, previous_clip_from_view=previous.clip_from_view,
         previous_view_from_view=previous.view_from_world @ world_from_view,

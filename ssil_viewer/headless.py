@@ -15,6 +15,10 @@ from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings
 
 DEFAULT_SIZE = (1280, 720)
+KEEP = ("final", "glossy")
+"""Optional targets that results are taken from; see `Renderer`."""
+
+_ALWAYS = ("final", "indirect", "glossy")
 
 
 def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Settings = Settings(),
@@ -29,8 +33,7 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
         context: An OpenGL context to use; one is made and released otherwise.
 
     Returns:
-        Name -> array, row 0 = top: every buffer of `ssil_viewer.buffers.BUFFERS` at level 0, linear float32, (H, W)
-        or (H, W, C), and "display", (H, W, 3) uint8, sRGB-encoded.
+        Name -> array, row 0 = top: the buffers of `read_buffers`, and "display", (H, W, 3) uint8, sRGB-encoded.
 
     Raises:
         UserError: No OpenGL, or a size or camera that cannot be rendered.
@@ -38,7 +41,7 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
     own = context is None
     context = context or create_headless_context()
     try:
-        renderer = Renderer(context, size, settings, keep=("final", "glossy"))
+        renderer = Renderer(context, size, settings, keep=KEEP)
         try:
             renderer.set_scene(scene)
             render_frames(renderer, camera or default_camera(scene), frames)
@@ -59,20 +62,27 @@ def render_frames(renderer: Renderer, camera: Camera, frames: int,
 
 
 def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
-    """All buffers of the last frame at level 0, and the picture; see `render`.
+    """All buffers of the last frame, and the picture; see `render`."""
+    return {**read_buffers(renderer), "display": read_display(renderer)}
 
-    A buffer that the settings leave out, such as `indirect` without bounces, is zero.
+
+def read_buffers(renderer: Renderer) -> dict[str, np.ndarray]:
+    """All buffers of the last frame, as `render` answers them and `ssil-viewer render -o FILE.npz` writes them.
+
+    Returns:
+        Name -> linear float32, (H, W) or (H, W, C), row 0 = top: every buffer of `ssil_viewer.buffers.BUFFERS` that
+        exists under the settings and in the scene, at its finest level: most at level 0, those of the gather at the
+        starting level, coarser ones at level 1. `final`, `indirect` and `glossy` are always there, zero where the
+        settings or the scene leave them out, as `indirect` without bounces.
     """
     width, height = renderer.size
     available = renderer.buffers()
     arrays = {}
     for name, buffer in BUFFERS.items():
-        info = available.get(name)
-        if info is not None and 0 in info.levels:
-            arrays[name] = renderer.read(name)
-        elif name in ("final", "indirect", "glossy"):
+        if name in available:
+            arrays[name] = renderer.read(name, available[name].levels.start)
+        elif name in _ALWAYS:
             arrays[name] = np.zeros((height, width, len(buffer.channels)), np.float32)
-    arrays["display"] = read_display(renderer)
     return arrays
 
 

@@ -12,8 +12,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.frame import Frame
 from ssil_viewer.frame_check import check_frame
 from ssil_viewer.frame_plan import FramePlan
-from ssil_viewer.frame_uniforms import Frame as FrameBlock
-from ssil_viewer.frame_uniforms import View, make_frame, radius_texels, same_view
+from ssil_viewer.frame_uniforms import FrameBlock, View, make_frame, radius_texels, same_view
 from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError

@@ -12,8 +12,7 @@ from ssil_viewer.buffer_views import BufferViews
 from ssil_viewer.buffers import BufferInfo, find_buffer
 from ssil_viewer.frame_check import FrameError
 from ssil_viewer.frame_plan import Missing, Needed, PlannedRunner, settings_for
-from ssil_viewer.frame_uniforms import Frame as FrameBlock
-from ssil_viewer.frame_uniforms import make_view, radius_texels
+from ssil_viewer.frame_uniforms import FrameBlock, make_view, radius_texels
 from ssil_viewer.gpu.context import Capabilities
 from ssil_viewer.gpu.environment_maps import EnvironmentMaps
 from ssil_viewer.gpu.glsl import ShaderError

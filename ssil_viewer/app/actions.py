@@ -88,7 +88,7 @@ class Actions:
 
     @_shows_errors
     def show(self, mode: str) -> None:
-        """Show "both", "direct" or "indirect", in place of any buffer."""
+        """Show "both", "direct", "indirect" or "glossy", in place of any buffer."""
         self.state.settings = self.state.settings.replaced({"show": mode})
         self.state.buffer = None
 

@@ -114,7 +114,8 @@ class WindowReference:
         """Tell what the renderer's last frame shows. Begins, begins anew, or ends.
 
         Args:
-            view: As `Viewer._look` makes it: settings, lights, the buffer that is shown, and more; settings B last.
+            view: As `RendererFollower.look` answers it: settings, lights, the buffer that is shown, and more;
+                settings B last.
         """
         if not self.on:
             self.release()

@@ -26,8 +26,6 @@ FORMATS = (".png", ".exr", ".npz")
 TEMPORAL_FRAMES = 16
 # A buffer that is read back: as four floats by OpenGL, again as bytes, and as the array.
 _READ_BACK_BYTES = 48
-# Optional targets that the files take from.
-_KEEP = ("final", "glossy")
 # Buffers that an EXR holds beside the image, where they exist.
 _EXR_LAYERS = ("direct", "indirect", "radiance", "albedo", "normal", "view_depth")
 
@@ -36,7 +34,7 @@ EPILOG = """\
 formats:
   .png  8-bit sRGB; settings and camera are stored in it as JSON
   .exr  linear 32-bit float: the final image, and the main buffers as layers
-  .npz  every named buffer as a float32 array, row 0 = top
+  .npz  every buffer that the settings make as a float32 array, row 0 = top
 
 The buffer indirect is irradiance times the material's occlusion map; final = direct + albedo / pi * indirect."""
 
@@ -67,12 +65,13 @@ def run(args: argparse.Namespace) -> None:
 
     from ssil_viewer.compile_ahead import compiling_ahead
     from ssil_viewer.gpu.context import create_headless_context, read_capabilities
+    from ssil_viewer.headless import KEEP
     from ssil_viewer.pipeline import Renderer
 
     context = create_headless_context()
     try:
-        with compiling_ahead(read_capabilities(context), args.size, settings, keep=_KEEP) as tell_scene:
-            renderer = Renderer(context, args.size, settings, keep=_KEEP)
+        with compiling_ahead(read_capabilities(context), args.size, settings, keep=KEEP) as tell_scene:
+            renderer = Renderer(context, args.size, settings, keep=KEEP)
             try:
                 _check_memory(renderer)
                 view = _check_view(view, renderer) if view else None
@@ -187,24 +186,19 @@ def _warn_of_exposure(renderer: Renderer) -> None:
 
 
 def _write(target: Path, renderer: Renderer, view: tuple[str, int] | None, metadata: Mapping[str, Any]) -> None:
-    from ssil_viewer.headless import read_all, read_display
+    from ssil_viewer.headless import read_buffers, read_display
 
-    found = renderer.buffers()
     match target.suffix.lower():
         case ".png":
             output.write_png(target, read_display(renderer), metadata)
         case ".npz" if view:
             output.write_npz(target, {view[0]: renderer.read(*view)})
         case ".npz":
-            arrays = read_all(renderer)
-            del arrays["display"]
-            # Buffers that exist at coarser levels only go in at their finest.
-            coarse = found.keys() - arrays.keys()
-            arrays |= {name: renderer.read(name, found[name].levels.start) for name in found if name in coarse}
-            output.write_npz(target, arrays)
+            output.write_npz(target, read_buffers(renderer))
         case ".exr" if view:
             output.write_exr(target, {"": renderer.read(*view)}, metadata)
         case ".exr":
+            found = renderer.buffers()
             layers = {name: renderer.read(name) for name in _EXR_LAYERS if name in found}
             output.write_exr(target, {"": renderer.read("final"), **layers}, metadata)
 

@@ -12,19 +12,14 @@ import numpy as np
 
 # GLSL type: (numpy scalar, shape, std140 base alignment, std140 size), in bytes (OpenGL 4.6, 7.6.2.2)
 _TYPES: dict[str, tuple[type, tuple[int, ...], int, int]] = {
-    "float": (np.float32, (), 4, 4), "int": (np.int32, (), 4, 4), "uint": (np.uint32, (), 4, 4),
-    "vec2": (np.float32, (2,), 8, 8), "ivec2": (np.int32, (2,), 8, 8),
-    "vec3": (np.float32, (3,), 16, 12), "vec4": (np.float32, (4,), 16, 16),
-    "mat4": (np.float32, (4, 4), 16, 64),
+    "float": (np.float32, (), 4, 4), "int": (np.int32, (), 4, 4), "vec2": (np.float32, (2,), 8, 8),
+    "vec3": (np.float32, (3,), 16, 12), "mat4": (np.float32, (4, 4), 16, 64),
 }
 
 Float = Annotated[float, "float"]
 Int = Annotated[int, "int"]
-Uint = Annotated[int, "uint"]
 Vec2 = Annotated[Any, "vec2"]
-Ivec2 = Annotated[Any, "ivec2"]
 Vec3 = Annotated[Any, "vec3"]
-Vec4 = Annotated[Any, "vec4"]
 Mat4 = Annotated[Any, "mat4"]
 
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 class Shadows(Pass):
     """Depth of the scene from every light, in one atlas; only in frames where a light or an object moved.
 
-    Source: Williams 1978. One map for a directional or spot light, six for a point light.
+    Source: Williams 1978. One map for a directional or spot light, six for a point light, three for each of the points
+    on an area light.
     """
 
     name = "shadows"

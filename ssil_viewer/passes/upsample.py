@@ -23,7 +23,7 @@ class Upsample(ScreenPass):
 
     Source: Soler et al. 2010, "hierarchical upsampling"; Eisemann and Durand 2004 for the cross-bilateral filter.
     Differs: each level is denoised over the 4x4 block in which its sample rotations repeat, at its own resolution
-    where that is cheap, so that the steps to full resolution need four taps only.
+    where that is cheap, so that the steps to full resolution need three taps only.
     """
 
     name = "upsample"

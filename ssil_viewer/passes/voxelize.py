@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import moderngl
-import numpy as np
 
 from ssil_viewer.gpu.targets import Target, level_size, rendered_size
 from ssil_viewer.passes.base import Pass, Read
@@ -57,16 +56,3 @@ class Voxelize(Pass):
         covered = tuple(side / (count * 2**level) for side, count in zip(size, texels))
         frame.draw_voxels(frame.attachments(self, level), settings.voxel_slices, covered,
                           solid=settings.voxel_fill == "solid")
-
-
-def slices_of(*halves: np.ndarray) -> np.ndarray:
-    """The bits of voxel texels.
-
-    Args:
-        halves: (H, W, 4) uint32 each, the targets `voxels` and `voxels_far`.
-
-    Returns:
-        (H, W, S) bool, the nearest slice first.
-    """
-    words = np.ascontiguousarray(np.concatenate(halves, axis=-1)).astype("<u4")
-    return np.unpackbits(words.view(np.uint8), axis=-1, bitorder="little").astype(bool)

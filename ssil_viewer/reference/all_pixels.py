@@ -18,7 +18,6 @@ from typing import Iterator
 import numpy as np
 
 from ssil_viewer.pipeline import Renderer
-from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene.model import Camera
 
 LEAST_FACING = 0.01
@@ -177,14 +176,3 @@ def random_blocks(visible: np.ndarray, count: int, side: int = 8, seed: int = 1)
     columns = left[:, None, None] + np.arange(side)[None, None, :] + np.zeros((1, side, 1), int)
     whole = visible[rows, columns].all((1, 2))
     return rows[whole], columns[whole]
-
-
-def compare_with_sum(renderer: Renderer, camera: Camera, level: int, blocks: int) -> tuple[float, float]:
-    """Bias and error of the last frame's `indirect` against R1 with senders of `level`, over means of 8x8 pixels."""
-    receivers = read_surfaces(renderer, camera)
-    rows, columns = random_blocks(receivers.visible, blocks)
-    reference = irradiance(read_surfaces(renderer, camera, level), renderer.read("radiance", level),
-                           receivers.position[rows, columns].reshape(-1, 3),
-                           receivers.normal[rows, columns].reshape(-1, 3)).reshape(*rows.shape, 3)
-    ours = renderer.read("indirect")[rows, columns]
-    return bias_and_error(ours.mean((1, 2)), reference.mean((1, 2)))

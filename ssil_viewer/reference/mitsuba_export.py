@@ -8,7 +8,6 @@ of texture coordinates, (3, 3) float64.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -316,14 +315,3 @@ def _environment(environment: Environment, settings: Settings) -> dict[str, Any]
     matrix[0, 2], matrix[2, 0] = math.sin(turn), -math.sin(turn)
     return {"type": "envmap", "data": environment.radiance, "scale": 2.0**settings.environment_strength,
             "to_world": matrix}
-
-
-def material_counts(description: Description) -> Counter:
-    """How many materials of each kind there are, for reports."""
-    return Counter(_innermost(bsdf)["type"] for bsdf in description.bsdfs)
-
-
-def _innermost(bsdf: dict[str, Any]) -> dict[str, Any]:
-    while "bsdf" in bsdf:
-        bsdf = bsdf["bsdf"]
-    return bsdf

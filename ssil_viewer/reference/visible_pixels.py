@@ -24,8 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssil_viewer.pipeline import Renderer
-from ssil_viewer.reference.all_pixels import Surfaces, random_blocks, read_surfaces, shining, transport
-from ssil_viewer.reference.metrics import bias_and_error
+from ssil_viewer.reference.all_pixels import Surfaces, read_surfaces, shining, transport
 from ssil_viewer.reference.occluders import Occluders
 from ssil_viewer.scene.model import Camera, Scene
 
@@ -112,11 +111,3 @@ def references(renderer: Renderer, camera: Camera, scene: Scene, level: int, row
                 receivers.position[rows, columns].reshape(-1, 3), receivers.normal[rows, columns].reshape(-1, 3), rays,
                 renderer.settings.form_factor)
     return both[0].reshape(*rows.shape, 3), both[1].reshape(*rows.shape, 3)
-
-
-def compare_with_visible_sum(renderer: Renderer, camera: Camera, scene: Scene, level: int, blocks: int,
-                             rays: int = 128) -> tuple[float, float]:
-    """Bias and error of the last frame's `indirect` against R2 with senders of `level`, over means of 8x8 pixels."""
-    rows, columns = random_blocks(renderer.read("view_depth") > 0, blocks)
-    _, visible = references(renderer, camera, scene, level, rows, columns, rays)
-    return bias_and_error(renderer.read("indirect")[rows, columns].mean((1, 2)), visible.mean((1, 2)))

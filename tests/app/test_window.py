@@ -7,6 +7,7 @@ import dataclasses
 import os
 import shutil
 import subprocess
+import sys
 import threading
 import time
 from typing import get_args
@@ -670,7 +671,25 @@ def test_an_opengl_that_is_too_old_is_an_error_with_the_reason(display, monkeypa
         open_window("test", SIZE)
 
 
-def test_opengl_without_compute_is_enough(display, scene, monkeypatch):
-    monkeypatch.setenv("MESA_GL_VERSION_OVERRIDE", "3.3")
-    monkeypatch.setenv("MESA_GLSL_VERSION_OVERRIDE", "330")
-    run_window(scene, SETTINGS, (320, 200), frames=2)
+_RUN_AND_TELL_THE_STAGE = """
+from ssil_viewer.app import window
+from ssil_viewer.scene import load_scene
+from ssil_viewer.settings import Settings
+
+class Noted(window.Viewer):
+    def release(self):
+        print(self._renderer.stage, self.frames)
+        super().release()
+
+window.Viewer = Noted
+window.run_window(load_scene("builtin:cornell"), Settings(samples=4, levels=2, shadow_resolution=128), (320, 200),
+                  frames=2)
+"""
+
+
+def test_opengl_without_compute_is_enough(display):
+    """In a process of its own: Mesa keeps the version for all windows that a process opens later."""
+    older = {"MESA_GL_VERSION_OVERRIDE": "3.3", "MESA_GLSL_VERSION_OVERRIDE": "330"}
+    done = subprocess.run([sys.executable, "-c", _RUN_AND_TELL_THE_STAGE], env={**os.environ, **older},
+                          capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "fragment 2\n"), done.stderr

@@ -8,27 +8,27 @@ import moderngl
 import numpy as np
 import pytest
 
-from ssil_viewer.frame_uniforms import Frame
+from ssil_viewer.frame_uniforms import FrameBlock
 from ssil_viewer.gpu.glsl import ShaderError, Source, compile_program, expand
 from ssil_viewer.gpu.screen_program import FULL_SCREEN_VERTEX
 from ssil_viewer.gpu.uniforms import UniformBuffer, glsl_block, std140_dtype
 from tests.gpu_function import evaluate
 
 
-def random_block() -> tuple[Frame, dict[str, np.ndarray]]:
+def random_block() -> tuple[FrameBlock, dict[str, np.ndarray]]:
     """A block with a different number in every component."""
-    layout = std140_dtype(Frame)
+    layout = std140_dtype(FrameBlock)
     numbers = iter(range(1, 10_000))
     values = {}
     for name in layout.names:
         shape = layout.fields[name][0].shape
         values[name] = np.array([next(numbers) for _ in range(int(np.prod(shape, dtype=int)))]).reshape(shape)
-    return Frame(**{name: v if v.shape else v.item() for name, v in values.items()}), values
+    return FrameBlock(**{name: v if v.shape else v.item() for name, v in values.items()}), values
 
 
 def test_every_member_of_the_frame_block_arrives(context):
     block, values = random_block()
-    assert set(values) == {field.name for field in dataclasses.fields(Frame)}
+    assert set(values) == {field.name for field in dataclasses.fields(FrameBlock)}
     terms, expected = [], []
     for name, v in values.items():
         for index in np.ndindex(v.shape):
@@ -36,11 +36,11 @@ def test_every_member_of_the_frame_block_arrives(context):
             place = "".join(f"[{i}]" for i in reversed(index))
             terms.append(f"float(frame.{name}{place})")
             expected.append(v[index])
-    lines = ["#version 330 core", glsl_block(Frame, "frame"), "out float stored;", "void main() {",
+    lines = ["#version 330 core", glsl_block(FrameBlock, "frame"), "out float stored;", "void main() {",
              "int at = int(gl_FragCoord.x);", *(f"if (at == {i}) stored = {t};" for i, t in enumerate(terms)), "}"]
     program = compile_program(context, Source(FULL_SCREEN_VERTEX, ("vertex",)), Source("\n".join(lines), ("echo",)))
-    program["Frame"].binding = 0
-    uniforms = UniformBuffer(context, Frame, 0)
+    program["FrameBlock"].binding = 0
+    uniforms = UniformBuffer(context, FrameBlock, 0)
     uniforms.update(block)
     target = context.texture((len(terms), 1), 1, dtype="f4")
     framebuffer, array = context.framebuffer([target]), context.vertex_array(program, [])

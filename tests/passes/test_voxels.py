@@ -9,7 +9,6 @@ import pytest
 
 from ssil_viewer.embed import IndirectLighting
 from ssil_viewer.errors import UserError
-from ssil_viewer.passes.voxelize import slices_of
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Mesh, Primitive, TextureRef
 from ssil_viewer.settings import Settings
 from tests import scenes
@@ -62,6 +61,19 @@ def voxelized(make_renderer, scene, camera=CAMERA, size=SIZE, stage="auto", **se
     renderer = make_renderer(scene, size, stage, **options)
     renderer.render(camera)
     return renderer
+
+
+def slices_of(*halves: np.ndarray) -> np.ndarray:
+    """The bits of voxel texels.
+
+    Args:
+        halves: (H, W, 4) uint32 each, the targets `voxels` and `voxels_far`.
+
+    Returns:
+        (H, W, S) bool, the nearest slice first.
+    """
+    words = np.ascontiguousarray(np.concatenate(halves, axis=-1)).astype("<u4")
+    return np.unpackbits(words.view(np.uint8), axis=-1, bitorder="little").astype(bool)
 
 
 def bits(renderer, level=1) -> np.ndarray:

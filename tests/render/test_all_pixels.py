@@ -9,12 +9,13 @@ import pytest
 
 from ssil_viewer.headless import render_frames
 from ssil_viewer.reference import all_pixels
-from ssil_viewer.reference.all_pixels import Senders, compare_with_sum, irradiance, random_blocks, read_surfaces
+from ssil_viewer.reference.all_pixels import Senders, irradiance, random_blocks, read_surfaces
 from ssil_viewer.reference.metrics import bias_and_error
 from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera
 from tests import scenes
 from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, on_floor, polygon_irradiance
+from tests.sum_reference import compare_with_sum
 
 BOX_CAMERA = scenes.CORNELL_CAMERA
 SIZE = 1280, 720

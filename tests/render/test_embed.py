@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 
-from ssil_viewer.embed import IndirectLighting
+from ssil_viewer.embed import IndirectLighting, _own_settings
 from ssil_viewer.errors import UserError
 from ssil_viewer.frame_uniforms import make_frame, make_view, view_from_matrices
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
-from ssil_viewer.settings import Settings
+from ssil_viewer.settings import Settings, knobs
 from tests import scenes
 
 SIZE = (40, 30)
@@ -230,6 +233,29 @@ def test_what_does_not_fit_is_named(host, context):
     with pytest.raises(UserError, match="bounce"):
         lighting.set_settings(Settings(bounces=0))
     lighting.release()
+
+
+def test_settings_that_are_not_in_force_are_listed():
+    """In the documentation and in the docstring: those whose other values do not come through."""
+    forced = {}
+    for info in knobs():
+        kept = set()
+        for value in info.choices or ((False, True) if info.type is bool else (info.knob.low, info.knob.high)):
+            with contextlib.suppress(UserError):
+                kept.add(getattr(_own_settings(Settings().replaced({info.name: value})), info.name))
+        if len(kept) == 1:
+            forced[info.name] = kept.pop()
+    page = (Path(__file__).resolve().parents[2] / "docs" / "python-api.md").read_text(encoding="utf-8")
+    table = page.split("| setting | value | why |\n|---|---|---|\n")[1].split("\n\n")[0]
+    listed = {}
+    for names, value, _ in (row.strip("|").split("|") for row in table.splitlines()):
+        listed |= dict.fromkeys(re.findall("`(.+?)`", names), False if value.strip() == "off" else int(value))
+    assert listed == forced
+    passage = IndirectLighting.__doc__.split("Whatever")[1].split("refused")[0]
+    assert forced.keys() | {"visibility"} == set(re.findall("`(.+?)`", passage))
+    for refused in ({"bounces": 0}, {"visibility": "voxel"}):
+        with pytest.raises(UserError):
+            _own_settings(Settings(**refused))
 
 
 def test_resize(host, lighting):

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssil_viewer import output
+from ssil_viewer import headless, output
+from ssil_viewer.scene import load_scene
 from ssil_viewer.settings import Settings
 
 SIZE = (64, 36)
@@ -76,6 +77,25 @@ def test_npz_has_the_promised_arrays(rendered):
     surface = arrays["view_depth"] > 0
     assert surface.any()
     assert np.allclose(np.linalg.norm(arrays["normal"][surface], axis=-1), 1, atol=1e-2)
+
+
+@pytest.mark.parametrize("name, flags, some", [
+    ("cornell", {}, {"gather": 4, "light": 2}), ("cornell", {"bounces": 0}, {}), ("cornell", {"levels": 1}, {}),
+    ("atrium", {"start_level": 1, "bounces": 2, "unseen_samples": 1}, {"unseen": 2, "glossy_gather": 2})])
+def test_python_gives_the_arrays_of_the_npz(context, tmp_path, name, flags, some):
+    """The same names, sizes and values; `some`: the texels in a row of so many pixels of some of them."""
+    words = [word for flag, value in flags.items() for word in ("--" + flag.replace("_", "-"), str(value))]
+    done = ssil_viewer("render", f"builtin:{name}", *FAST, *words, "-o", "a.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    arrays = headless.render(load_scene(f"builtin:{name}"), size=SIZE, settings=Settings(samples=8, **flags), frames=2,
+                             context=context)
+    assert arrays.pop("display").shape == (SIZE[1], SIZE[0], 3)
+    assert {"final", "indirect", "glossy"} <= arrays.keys()
+    with np.load(tmp_path / "a.npz") as file:
+        assert file.files == list(arrays)
+        for key, values in arrays.items():
+            assert np.array_equal(values, file[key]), key
+    assert {key: SIZE[0] // arrays[key].shape[1] for key in some} == some
 
 
 def test_row_0_is_the_top(rendered):

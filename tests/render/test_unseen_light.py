@@ -10,6 +10,7 @@ import pytest
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import triangle_tables
 from ssil_viewer.gpu.context import read_capabilities
+from ssil_viewer.headless import read_display
 from ssil_viewer.passes.unseen import UnseenLight
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Image, Light, Material, TextureRef
@@ -237,9 +238,20 @@ def test_the_same_seed_gives_the_same_light(make_renderer):
 
 
 def test_its_buffer_can_be_asked_for_before_the_first_frame(make_renderer):
+    level = QUICK["start_level"]
     renderer = make_renderer(scenes.cornell(), (48, 32), **QUICK, unseen_samples=1)
-    renderer.show_buffer("unseen", QUICK["start_level"])
+    renderer.show_buffer("unseen", level)
     renderer.render(scenes.CORNELL_CAMERA)
+    buffer, light = read_display(renderer), renderer.read("unseen", level).mean(-1)
+    renderer.show_buffer(None)
+    renderer.reset_history()
+    renderer.render(scenes.CORNELL_CAMERA)
+    picture = read_display(renderer)
+    assert light.max() > 0 and np.abs(buffer.astype(int) - picture).mean() > 2.0
+    # What is shown is this buffer: bright where it is, in squares of 2x2 pixels
+    shown = buffer.reshape(16, 2, 24, 2, 3).astype(float).mean(-1)
+    assert np.ptp(shown, axis=(1, 3)).max() == 0
+    assert np.corrcoef(shown[:, 0, :, 0].ravel(), light.ravel())[0, 1] > 0.8
 
 
 def test_too_many_triangles_leave_everything_as_it_was(make_renderer, monkeypatch):

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer.reference.all_pixels import compare_with_sum, random_blocks, read_surfaces
+from ssil_viewer.reference.all_pixels import random_blocks, read_surfaces
 from ssil_viewer.reference.occluders import Occluders
-from ssil_viewer.reference.visible_pixels import compare_with_visible_sum, references, seen_points, sums
+from ssil_viewer.reference.visible_pixels import references, seen_points, sums
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Mesh, Scene, TextureRef
 from tests import scenes
 from tests.render.test_closed_forms import BLACK, GLOWING, RADIANCE, on_floor, polygon_irradiance
+from tests.sum_reference import compare_with_sum, compare_with_visible_sum
 
 UP = np.array((0.0, 1.0, 0.0))
 EMITTER_Z, WALL_Z, WALL_HEIGHT, TOP = -0.6, -0.2, 0.1, 0.9
