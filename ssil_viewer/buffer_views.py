@@ -25,7 +25,8 @@ class BufferViews:
             target = buffer.pick(plan.running_targets)
             if target is not None:
                 levels = plan.declared[target].levels(plan.settings)
-                if plan.declared[target].extent == "pyramid" and target not in plan.extended_targets:
+                extent = plan.declared[target].extent
+                if extent == "pyramid" and plan.settings.bounces == 0 and target not in plan.extended_targets:
                     levels = levels[:1]
                 if levels:
                     found[name] = BufferInfo(levels, buffer.meaning or plan.declared[target].meaning)

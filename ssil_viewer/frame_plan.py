@@ -57,7 +57,7 @@ class FramePlan:
 
     @cached_property
     def extended_targets(self) -> frozenset[str]:
-        """Targets of whose pyramids more than the image's own level is made."""
+        """Targets of which a running pass makes further levels, under their own names: later bounces have others."""
         return frozenset(name for p in self.passes if p.runs(self.settings, self.features) for name in p.extends)
 
     def has_target(self, name: str, level: int = 0) -> bool:

@@ -12,7 +12,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.frame import Frame
 from ssil_viewer.frame_check import check_frame
 from ssil_viewer.frame_plan import FramePlan
-from ssil_viewer.frame_uniforms import FrameBlock, View, make_frame, radius_texels, same_view
+from ssil_viewer.frame_uniforms import FrameBlock, View, make_frame, radius_texels
 from ssil_viewer.gpu.context import read_capabilities
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.glsl import ShaderError
@@ -30,12 +30,7 @@ from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.gpu.uniforms import UniformBuffer
 from ssil_viewer.passes.base import Dispatch, Pass, ScreenPass
 from ssil_viewer.settings import Settings
-
-# Frames after a change of light for which the temporal mean stays short where light is fed back
-SETTLING_FRAMES = 8
-# Frames after anything has moved for which the temporal mean is shortened where light differs much: halved as often,
-# a millionth of the old light is left in it
-RESTLESS_FRAMES = 20
+from ssil_viewer.stillness import Stillness
 
 
 def _timed_name(p: Pass, bounce: int) -> str:
@@ -83,9 +78,7 @@ class PassRunner:
         self.targets = self._allocate(size, self.plan)
         self.frame_index = 0
         self.gl = GLFunctions(context)
-        self._previous: View | None = None
-        self._settling = 0      # frames until light that is fed back has settled
-        self._restless = 0      # frames until what moved counts as still
+        self._stillness = Stillness()
         self._uniforms = UniformBuffer(context, FrameBlock, 0)
         self.timers = PassTimers(context, self.capabilities.software, timed)
         self._programs: dict[Variant, ScreenProgram] = {}
@@ -164,8 +157,7 @@ class PassRunner:
 
     def reset_history(self) -> None:
         """Forget the last frames."""
-        self._previous = None
-        self._restless = 0
+        self._stillness.reset()
         self.frame_index = 0
         self.timers.restart()
 
@@ -194,23 +186,19 @@ class PassRunner:
         Args:
             watched: Whether something moves is known: where `moving` says no and the camera stands still, nothing does.
         """
-        history = self.settings.temporal and self._previous is not None
-        # Light that is fed back goes around: it takes some frames until a change has reached all of it
-        changed = moving or not history
-        self._settling = SETTLING_FRAMES if changed and self.settings.feeds_back else max(self._settling - 1, 0)
-        moved = history and (moving or not watched or not same_view(view, self._previous))
-        self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
-        moving = moving or self._settling > 0
-        still = frame.still = history and not moving and self._restless == 0
-        self._uniforms.update(make_frame(view, self._previous or view, self.size, self.settings, self.frame_index,
-                                         light_count, background, history, moving, still))
+        motion, settings = self._stillness, self.settings
+        motion.step(view, moving, watched, settings.temporal, settings.feeds_back)
+        frame.still = motion.still
+        history = settings.temporal and motion.previous is not None
+        self._uniforms.update(make_frame(view, motion.previous or view, self.size, settings, self.frame_index,
+                                         light_count, background, history, motion.light_moves, motion.still))
         for p, frame.bounce in self.plan.schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):
                 if frame.bounce > 1 and self.gpu_compute:   # it writes what the bounce before has read
                     self.context.memory_barrier(ANY_USE)
                 p.execute(frame)
-        self._previous = view
+        motion.previous = view
         self.frame_index += 1
 
     @contextmanager

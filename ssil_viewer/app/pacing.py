@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.settings import Settings
+from ssil_viewer.stillness import RESTLESS_FRAMES
 
 _SLOW_FRAME = 0.1      # s; a slower frame makes the panels feel stuck
 _HAND_RESTS = 0.3      # s without an event after which rendering goes on

@@ -23,9 +23,9 @@ from ssil_viewer.app.panels.file_browser import list_folder
 from ssil_viewer.app.scene_loading import SceneLoader
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
-from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
 from ssil_viewer.settings import Settings, knobs, load_settings
+from ssil_viewer.stillness import RESTLESS_FRAMES
 
 KNOBS = {info.name: info for info in knobs()}
 LIGHTS = (Light("point", position=(1.0, 2.0, 3.0)), Light("directional", direction=(0.6, -0.8, 0.0)))

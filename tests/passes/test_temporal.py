@@ -9,8 +9,8 @@ import pytest
 
 from ssil_viewer.frame import Frame
 from ssil_viewer.headless import render_frames
-from ssil_viewer.pass_runner import RESTLESS_FRAMES
 from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
+from ssil_viewer.stillness import RESTLESS_FRAMES
 from tests import scenes
 
 CAMERA = scenes.CORNELL_CAMERA

@@ -16,7 +16,7 @@ LAYERS = (
     ("settings", "scene", "output"),
     ("gpu", "buffers"),
     ("frame_uniforms",),
-    ("passes",),
+    ("passes", "stillness"),
     ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
     ("pipeline", "compile_ahead"),
     ("metering", "idle_settings"),
