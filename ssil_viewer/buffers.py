@@ -11,7 +11,7 @@ import numpy as np
 from ssil_viewer.errors import UserError
 
 # VIEW in shaders/debug/view.glsl
-LIGHT, REFLECTANCE, NORMAL, DEPTH, INDEX, MOTION, ALPHA = range(7)
+LIGHT, REFLECTANCE, NORMAL, DEPTH, INDEX, MOTION, ALPHA, COUNT = range(8)
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ BUFFERS: dict[str, Buffer] = {
     "glossy_gather": Buffer(("glossy_gather",)),
     "glossy_light": Buffer(("glossy_light",)),
     "reflection": Buffer(("reflection", "reflection_now")),
-    "history_length": Buffer(("irradiance",), (3,), ALPHA, "number of frames in the temporal mean"),
+    "history_length": Buffer(("irradiance",), (3,), COUNT, "number of frames in the temporal mean"),
 }
 
 

@@ -331,7 +331,8 @@ class Renderer:
         """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this column on."""
         if self._presenter is None:
             self._presenter = Presenter(self.context)
-        self._presenter.draw(picture or self.display, framebuffer, right_of)
+        # Of a buffer each texel is to be seen as it is
+        self._presenter.draw(picture or self.display, framebuffer, right_of, smooth=self._view_name is None)
 
     @property
     def timings(self) -> Timings:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import functools
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, Protocol, TypeVar, get_args
+from typing import Any, Callable, TypeVar, get_args
 
 import numpy as np
 
 from ssil_viewer.app import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
-from ssil_viewer.app.camera_control import camera_flags
+from ssil_viewer.app.camera_actions import CameraActions, WindowControl, shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.other_settings import OtherSettings, with_display_of
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState, ReferenceKind
+from ssil_viewer.app.undo import History, Snapshot, difference
 from ssil_viewer.errors import UserError
-from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.environment import Environment, load_environment
@@ -33,31 +32,7 @@ _SHOW_MODES = ("both", "direct", "indirect", "glossy")
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
-class WindowControl(Protocol):
-    """What actions need of the window."""
-
-    def close(self) -> None: ...
-    def toggle_fullscreen(self) -> None: ...
-    def set_vsync(self, on: bool) -> None: ...
-    def copy_text(self, text: str) -> None: ...
-    def save_after_frame(self) -> None: ...
-
-
-def _shows_errors(method: _Method) -> _Method:
-    """Turn an error that the user can mend into a message in the window."""
-    @functools.wraps(method)
-    def shown(self: Actions, *arguments: Any) -> Any:
-        try:
-            return method(self, *arguments)
-        except UserError as error:
-            self.state.say(str(error), "error")
-        except ShaderError as error:
-            self.state.shader_error = str(error)
-        return None
-    return shown  # type: ignore[return-value]
-
-
-class Actions:
+class Actions(CameraActions):
     """The verbs of the window. Names in `keys.BINDINGS` are methods here.
 
     Args:
@@ -78,7 +53,9 @@ class Actions:
         self.exposure = ExposureChoice(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
-        self.on_browse: Callable[[], None] = lambda: None   # the file browser puts itself here
+        self.history = History()
+        # The file browser puts itself here
+        self.on_browse: Callable[[Path | None], None] = lambda folder: None
 
     # What is shown
 
@@ -86,7 +63,7 @@ class Actions:
         """Replace all settings at once; the next frame uses them."""
         self.state.settings = settings
 
-    @_shows_errors
+    @shows_errors
     def show(self, mode: str) -> None:
         """Show "both", "direct", "indirect" or "glossy", in place of any buffer."""
         self.state.settings = self.state.settings.replaced({"show": mode})
@@ -171,7 +148,7 @@ class Actions:
 
     # Pictures and settings files
 
-    @_shows_errors
+    @shows_errors
     def save_image(self) -> None:
         """Write the rendered image, without panels, to the working directory."""
         self.save_pixels((self.other if self.other.shown else self.reference).read())
@@ -180,7 +157,7 @@ class Actions:
         """Write the window with its panels, as soon as this frame is drawn."""
         self._window.save_after_frame()
 
-    @_shows_errors
+    @shows_errors
     def save_pixels(self, rgb: np.ndarray) -> None:
         """Write a picture that remembers scene, settings and camera.
 
@@ -197,7 +174,7 @@ class Actions:
         path = saved_view.save_picture(Path.cwd(), rgb, view, details)
         self.state.say(f"Saved {path}")
 
-    @_shows_errors
+    @shows_errors
     def use_preset(self, name: str) -> None:
         """Settings of a shipped preset; those that only concern the display stay."""
         now = self.state.settings
@@ -205,30 +182,52 @@ class Actions:
         self.state.settings = load_preset(name, base)
         self.state.say(f"Preset {name}")
 
-    @_shows_errors
+    @shows_errors
     def load_settings(self, path: Path) -> None:
         """Settings of a file, over the defaults."""
         self.state.settings = load_settings(path)
         self.state.say(f"Settings of {path}")
 
-    @_shows_errors
-    def save_settings(self, path: Path) -> None:
-        """Write the settings that differ from the defaults."""
-        self.state.say(f"Saved {saved_view.save_settings(path, self.state.settings)}")
+    @shows_errors
+    def save_settings(self) -> None:
+        """Write the settings that differ from the defaults to the working directory, under a new name."""
+        self.state.say(f"Saved {saved_view.save_settings(Path.cwd(), self.state.settings)}")
 
-    @_shows_errors
+    def undo(self) -> None:
+        """Take the last change of settings or lights back."""
+        self._go_to(self.history.back(self._snapshot()), "Undone", "undo")
+
+    def redo(self) -> None:
+        """Make the change again that was taken back last."""
+        self._go_to(self.history.forward(self._snapshot()), "Done again", "do again")
+
+    def note_changes(self, busy: bool) -> None:
+        """Remember what can be undone. Call it once a turn; `busy`: a change goes on, such as the drag of a slider."""
+        self.history.look(self._snapshot(), busy)
+
+    def _snapshot(self) -> Snapshot:
+        return Snapshot(self.state.settings, self.state.lights)
+
+    def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
+        if snapshot is None:
+            self.state.say(f"Nothing to {verb}")
+            return
+        self.state.say(f"{done}: {difference(self._snapshot(), snapshot)}")
+        self.state.settings, self.state.lights = snapshot.settings, snapshot.lights
+
+    @shows_errors
     def start_benchmark(self) -> None:
         """Measure the present view under the settings of the talk's timing table."""
         self.benchmark.start()
 
-    @_shows_errors
+    @shows_errors
     def save_benchmark(self) -> None:
         """Write what was measured to the working directory."""
         self.state.say(f"Saved {self.benchmark.save(Path.cwd())}")
 
     # The scene
 
-    @_shows_errors
+    @shows_errors
     def open_path(self, path: Path) -> None:
         """Open whatever was dropped or chosen: a scene, an environment, settings, lights, or a saved picture."""
         suffix = path.suffix.lower()
@@ -244,8 +243,8 @@ class Actions:
             self.open_scene(os.fspath(path))
 
     def browse_scene(self) -> None:
-        """Let the user choose a file."""
-        self.on_browse()
+        """Let the user choose a file, at first beside the scene that is open."""
+        self.on_browse(Path(self.state.scene.name).parent if Path(self.state.scene.name).is_file() else None)
 
     def open_scene(self, source: str) -> None:
         """Load a scene in the background; the present one stays until it is there."""
@@ -268,7 +267,7 @@ class Actions:
 
     # Light
 
-    @_shows_errors
+    @shows_errors
     def load_lights(self, path: Path) -> None:
         """The lights of a file, in place of those that are there or on top of them, as the file says."""
         self.state.lights = with_lights(replace(self.state.scene, lights=self.state.lights), path).lights
@@ -276,7 +275,7 @@ class Actions:
         self.exposure.light_changed()
         self.state.say(f"Lights of {path}")
 
-    @_shows_errors
+    @shows_errors
     def open_environment(self, path: Path) -> None:
         """Light the scene with a map from now on; the sun that a dark scene was given goes."""
         environment = load_environment(path)
@@ -298,52 +297,6 @@ class Actions:
         if lights != state.lights:
             state.lights, state.motion = lights, LightMotion()
         self.exposure.light_changed()
-
-    # The camera
-
-    def toggle_camera_mode(self) -> None:
-        """Change between orbiting and flying."""
-        camera = self.state.camera
-        camera.mode = "fly" if camera.mode == "orbit" else "orbit"
-        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting")
-
-    def frame_scene(self) -> None:
-        """Show the whole scene from the present direction."""
-        width, height = self._renderer.size
-        self.state.camera.frame(*self.state.bounds, aspect=width / height)
-
-    def reset_camera(self) -> None:
-        """Back to the camera that the scene was opened with."""
-        self.state.camera.set_camera(self.state.home)
-
-    def save_viewpoint(self, digit: int) -> None:
-        """Remember the view under a digit."""
-        self.state.camera.save_viewpoint(digit)
-        self.state.say(f"Viewpoint {digit} saved")
-
-    def recall_viewpoint(self, digit: int) -> None:
-        """Go to the view of a digit."""
-        if not self.state.camera.recall_viewpoint(digit):
-            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one")
-
-    @_shows_errors
-    def focus_pixel(self, u: float, v: float) -> None:
-        """Look at the surface seen at a place of the image.
-
-        Args:
-            u, v: From 0 to 1, rightward and downward.
-        """
-        depth = self._renderer.read("view_depth")
-        height, width = depth.shape[:2]
-        metres = float(depth[min(int(v * height), height - 1), min(int(u * width), width - 1)])
-        if metres > 0.0:
-            self.state.camera.focus(self.state.camera.point_at(u, v, width / height, metres))
-
-    def copy_camera(self) -> None:
-        """Put the flags that repeat the present view on the clipboard."""
-        flags = camera_flags(self.state.camera.camera())
-        self._window.copy_text(flags)
-        self.state.say(f"Copied {flags}")
 
     # Lights
 
@@ -425,7 +378,7 @@ class Actions:
         self.state.camera.set_camera(view.camera)
         self.state.say("Settings and camera of the picture")
 
-    @_shows_errors
+    @shows_errors
     def _take(self, outcome: Loaded) -> None:
         camera, settings = self._view_after_loading, self._settings_after_loading
         self._view_after_loading = self._settings_after_loading = None
@@ -436,6 +389,7 @@ class Actions:
             scene = replace(scene, environment=environment, lights=without_default_light(scene.lights))
         self._renderer.set_scene(scene)
         self.state.open_scene(scene, outcome.camera)
+        self.history.forget()
         if camera is not None:
             self.state.camera.set_camera(camera)
         if settings is not None:

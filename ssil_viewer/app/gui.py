@@ -31,9 +31,11 @@ from ssil_viewer.pipeline import Renderer
 
 _PANEL_EM = 23.0
 _PANEL_SHARE = 0.48   # of a narrow window
+_TIMINGS_EM = 26.0    # free width below which the table of times would lie on the panel
 _FIXED = (imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_collapse
           | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
           | imgui.WindowFlags_.no_bring_to_front_on_focus)
+_ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
 
 
 class Gui:
@@ -54,32 +56,49 @@ class Gui:
         self._browser = FileBrowser(actions.open_path)
         actions.on_browse = self._browser.open
 
+    @property
+    def has_modal(self) -> bool:
+        """Whether a box is open that everything else waits for."""
+        return self._browser.is_open
+
     def draw(self) -> None:
         """Between `imgui.new_frame` and `imgui.render`."""
         state = self._state
+        if imgui.is_key_pressed(imgui.Key.escape) and not imgui.is_popup_open("", _ANY_POPUP):
+            state.help_open = state.about_open = False
         display = imgui.get_io().display_size
         top, bottom = 0.0, display.y
         if state.panels_visible:
             top = self._menu()
             bottom = display.y - messages.status_height()
             self._left_panel(top, bottom)
-            # The help needs the room.
-            if state.timings_visible and not state.help_open:
+            # The help and the benchmark's table need the room.
+            narrow = display.x - self._panel_width() < _TIMINGS_EM * imgui.get_font_size()
+            if state.timings_visible and not (state.help_open or self._actions.benchmark.visible or narrow):
                 self._timings(top)
-            messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software)
+            messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software, self._work())
         free = self._panel_width() if state.panels_visible else 0.0
+        state.covered = free / max(display.x, 1.0)
         reference.draw_overlay(state, self._actions.reference, free, top, bottom)
         other_settings.draw_overlay(state, self._actions.other, free, top, bottom)
         messages.draw_work(state, free, top)
-        left = self._panel_width() if state.panels_visible else 0.0
-        help.draw(state, left)
-        help.draw_about(state, self._renderer.capabilities, left)
+        help.draw(state, free)
+        help.draw_about(state, self._renderer.capabilities, free)
         messages.draw_shader_error(state)
-        benchmark.draw_table(self._actions.benchmark)
+        benchmark.draw_table(self._actions.benchmark, free, top)
         self._browser.draw()
         messages.draw_toasts(state, bottom)
         if state.inspector and state.pixel and not imgui.get_io().want_capture_mouse:
             buffers.draw_reading(state.pixel)
+
+    def _work(self) -> str:
+        """What goes on beside the picture, for the line at the bottom."""
+        measuring, compared = self._actions.benchmark, self._actions.reference
+        if measuring.running:
+            return f"measuring {100 * measuring.progress[1]:.0f} %"
+        if self._state.resting and compared.working:
+            return f"reference {100 * compared.sums.progress:.0f} %" if compared.sums else "sorting triangles"
+        return ""
 
     def _menu(self) -> float:
         """The menu bar; returns its height."""
@@ -87,15 +106,19 @@ class Gui:
             return 0.0
         height = imgui.get_window_height()
         if imgui.begin_menu("File"):
+            widgets.close_on_escape()
             self._file_menu()
             imgui.end_menu()
         if imgui.begin_menu("Settings"):
+            widgets.close_on_escape()
             settings.draw_menu(self._actions)
             imgui.end_menu()
         if imgui.begin_menu("View"):
+            widgets.close_on_escape()
             self._view_menu()
             imgui.end_menu()
         if imgui.begin_menu("Help"):
+            widgets.close_on_escape()
             self._item("Keys and mouse", "toggle_help")
             if imgui.menu_item_simple("About"):
                 self._state.about_open = True
@@ -106,6 +129,7 @@ class Gui:
     def _file_menu(self) -> None:
         self._item("Open...", "browse_scene")
         if imgui.begin_menu("Built-in scenes"):
+            widgets.close_on_escape()
             scene.draw_builtin_entries(self._actions)
             imgui.end_menu()
         self._item("Load again", "reload_scene")

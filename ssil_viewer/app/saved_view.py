@@ -47,7 +47,7 @@ def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[s
     metadata = details | {"version": __version__, "scene": view.scene, "camera": camera,
                           "environment": view.environment,
                           "settings": dataclasses.asdict(view.settings)}
-    path = output.check_target(_free_name(folder), (".png",))
+    path = output.check_target(_free_name(folder, ".png"), (".png",))
     output.write_png(path, rgb, metadata)
     return path
 
@@ -82,9 +82,10 @@ def settings_text(settings: Settings) -> str:
     return "".join(lines) or "# All settings have their default values.\n"
 
 
-def save_settings(path: Path, settings: Settings) -> Path:
-    """Write a settings file. Raises UserError when the place cannot be written to."""
-    path = output.check_target(path, (".toml",))
+def save_settings(folder: Path, settings: Settings) -> Path:
+    """Write a settings file under a new name that begins with the time. Raises UserError when the folder cannot be
+    written to."""
+    path = output.check_target(_free_name(folder, ".toml"), (".toml",))
     output.write_text(path, settings_text(settings))
     return path
 
@@ -113,9 +114,9 @@ def _read_vector(stored: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _free_name(folder: Path) -> Path:
+def _free_name(folder: Path, ending: str) -> Path:
     stem = datetime.now().strftime("ssil-%Y%m%d-%H%M%S")
-    names = [f"{stem}.png", *(f"{stem}-{n}.png" for n in range(2, 100))]
+    names = [f"{stem}{ending}", *(f"{stem}-{n}{ending}" for n in range(2, 100))]
     return next((folder / name for name in names if not (folder / name).exists()), folder / names[-1])
 
 

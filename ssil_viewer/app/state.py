@@ -70,6 +70,7 @@ class AppState:
         error_signed: The scale tells too dark from too bright.
         error_blocks: Errors of means of 8x8 pixels, otherwise of pixels.
         ui_scale: Size of text and panels on top of what the monitor asks for.
+        covered: Share of the window's width that the panel lies on.
         render_scale: Rendered pixels per framebuffer pixel along each side.
         shader_error: What the compiler said at the last reload, or empty.
         no_indirect: Why there is no indirect light, or empty.
@@ -103,6 +104,7 @@ class AppState:
     help_open: bool = False
     about_open: bool = False
     ui_scale: float = 1.0
+    covered: float = 0.0
     render_scale: float = 1.0
     vsync: bool = True
     continuous: bool = True
@@ -124,6 +126,11 @@ class AppState:
         self.camera.set_scene_size(*self.bounds)
         self.camera.viewpoints = dict(enumerate(scene.cameras[:9], start=1))
         self.camera.set_camera(camera)
+
+    @property
+    def scene_title(self) -> str:
+        """The scene's name, of a file without its folder."""
+        return self.scene.name.replace("\\", "/").rstrip("/").rpartition("/")[2]
 
     def say(self, text: str, kind: Literal["info", "error"] = "info") -> None:
         """Show a message for a while; the same message again only stays longer."""

@@ -31,6 +31,7 @@ from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings
 
+TITLE = "SSIL Viewer"
 _MINIMISED_WAIT = 0.1      # s between looks at the events while there is nothing to draw
 _IDLE_WAIT = 0.05          # s between redraws of the panels while nothing changes
 _DOUBLE_CLICK = 0.35       # s
@@ -66,7 +67,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
     """
-    window = open_window("SSIL Viewer", size, vsync)
+    window = open_window(TITLE, size, vsync)
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
         viewer.state.other = other
@@ -142,6 +143,8 @@ class Viewer:
         follower.begin_turn()
         if not measuring:
             follower.send(self._render_size())
+        self.actions.note_changes(busy=imgui.is_any_item_active())
+        self._show_title()
         view = follower.look()
         self._pacer.continuous = self.state.continuous
         if (not measuring and view != follower.broken_view and follower.may_render(view)
@@ -203,10 +206,15 @@ class Viewer:
 
     # The parts of a frame
 
+    def _show_title(self) -> None:
+        title = f"{self.state.scene_title} - {TITLE}"
+        if title != self._window.title:
+            self._window.title = title
+
     def _advance(self, seconds: float) -> None:
         self.actions.poll_loader()
         self.state.motion = self.state.motion.advanced(seconds)
-        if self.state.camera.mode == "fly" and not self._held_modifier("ctrl") and not self._typing():
+        if self.state.camera.mode == "fly" and not self._held_modifier("ctrl") and not self._keys_are_taken():
             steps = [step for name, step in MOVEMENT_KEYS.items() if getattr(self._window.keys, name) in self._held]
             self.state.camera.fly(*(sum(axis) for axis in zip((0, 0, 0), *steps)), seconds=seconds,
                                   fast=self._held_modifier("shift"))
@@ -301,8 +309,9 @@ class Viewer:
     def _held_modifier(self, name: str) -> bool:
         return any(key in self._held for key in _MODIFIERS[name])
 
-    def _typing(self) -> bool:
-        return imgui.get_io().want_text_input
+    def _keys_are_taken(self) -> bool:
+        """Whether a text field or a box that everything else waits for has the keyboard."""
+        return imgui.get_io().want_text_input or self._gui.has_modal
 
     def _on_key(self, key: int, action: int, modifiers: Any) -> None:
         self._pacer.event(time.perf_counter())
@@ -311,7 +320,7 @@ class Viewer:
         (self._held.add if down else self._held.discard)(key)
         ctrl, shift = self._held_modifier("ctrl"), self._held_modifier("shift")
         self._input.key(key, down, ctrl, shift, self._held_modifier("alt"))
-        if action != keys.ACTION_PRESS or self._typing():
+        if action != keys.ACTION_PRESS or self._keys_are_taken():
             return
         flying = self.state.camera.mode == "fly" and not ctrl
         if flying and key in (getattr(keys, name) for name in MOVEMENT_KEYS):

@@ -17,11 +17,13 @@ class Presenter:
         self._program = compile_program(context, vertex, expand("debug/present.frag.glsl", "#version 330 core"))
         self._array = context.vertex_array(self._program, [])
 
-    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: int = 0) -> None:
+    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: int = 0,
+             smooth: bool = True) -> None:
         """Stretch `picture` over `framebuffer`, texel by texel when the sizes agree.
 
         Args:
             right_of: Columns at the left that keep what they show.
+            smooth: Bilinear where they do not; otherwise each texel is a block.
         """
         self._context.enable_only(moderngl.NOTHING)
         width, height = framebuffer.size
@@ -29,6 +31,7 @@ class Presenter:
         framebuffer.use()
         picture.use(0)
         self._program["target_size"].value = framebuffer.size
+        self._program["is_smooth"].value = smooth
         self._array.render(moderngl.TRIANGLES, 3)
         framebuffer.scissor = None
 

@@ -81,11 +81,11 @@ def test_sliders_write_numbers_with_their_unit():
 
 def test_saved_settings_load_as_the_same(tmp_path):
     settings = Settings(samples=16, radius=12.5, temporal=False, tone_map="linear", exposure=-1.5)
-    saved_view.save_settings(tmp_path / "mine.toml", settings)
-    assert load_settings(tmp_path / "mine.toml") == settings
-    assert "levels" not in (tmp_path / "mine.toml").read_text()
-    saved_view.save_settings(tmp_path / "default.toml", Settings())
-    assert load_settings(tmp_path / "default.toml") == Settings()
+    mine = saved_view.save_settings(tmp_path, settings)
+    assert load_settings(mine) == settings
+    assert "levels" not in mine.read_text()
+    default = saved_view.save_settings(tmp_path, Settings())
+    assert default != mine and load_settings(default) == Settings() and load_settings(mine) == settings
 
 
 # Saved pictures

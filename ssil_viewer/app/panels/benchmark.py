@@ -9,15 +9,13 @@ from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.measure import tables
 
+_PROGRESS_EM = 30.0
+
 
 def draw(benchmark: WindowBenchmark, actions: Actions) -> None:
     """The part of the panel that starts and stops it."""
     if benchmark.running:
-        name, share = benchmark.progress
-        if imgui.button("Stop"):
-            benchmark.stop()
-        imgui.same_line()
-        imgui.progress_bar(share, (-1.0, 0.0), name)
+        _draw_progress(benchmark, -1.0)
         return
     if imgui.button("Measure this view"):
         actions.start_benchmark()
@@ -32,20 +30,35 @@ def draw(benchmark: WindowBenchmark, actions: Actions) -> None:
         benchmark.visible = imgui.checkbox("Table", benchmark.visible)[1]
 
 
-def draw_table(benchmark: WindowBenchmark) -> None:
-    """The rows measured so far, in a window of its own."""
-    table, report = benchmark.table, benchmark.report
-    if not benchmark.visible or table is None or report is None:
+def draw_table(benchmark: WindowBenchmark, left: float, top: float) -> None:
+    """How far it is and the rows measured so far, in a window of its own.
+
+    Args:
+        left, top: Where the image begins to be seen, in window units.
+    """
+    if not benchmark.visible:
         return
-    display, gap = imgui.get_io().display_size, 0.6 * imgui.get_font_size()
-    imgui.set_next_window_pos((display.x - gap, 4 * gap), imgui.Cond_.appearing, (1.0, 0.0))
+    em = imgui.get_font_size()
+    imgui.set_next_window_pos((left + 0.6 * em, top + 0.6 * em), imgui.Cond_.appearing)
     flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
     expanded, benchmark.visible = imgui.begin("Benchmark", True, flags)
     if expanded:
-        imgui.text_unformatted(tables.heading(report))
-        _draw(table)
-        widgets.muted("\n".join([table.title, *tables.notes(report)]))
+        if benchmark.running:
+            _draw_progress(benchmark, _PROGRESS_EM * em)
+        table, report = benchmark.table, benchmark.report
+        if table is not None and report is not None:
+            imgui.text_unformatted(tables.heading(report))
+            _draw(table)
+            widgets.muted("\n".join([table.title, *tables.notes(report)]))
     imgui.end()
+
+
+def _draw_progress(benchmark: WindowBenchmark, width: float) -> None:
+    name, share = benchmark.progress
+    if imgui.button("Stop"):
+        benchmark.stop()
+    imgui.same_line()
+    imgui.progress_bar(share, (width, 0.0), name)
 
 
 def _draw(table: tables.Table) -> None:

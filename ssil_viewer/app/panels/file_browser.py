@@ -35,15 +35,21 @@ class FileBrowser:
     def __init__(self, choose: Callable[[Path], None]) -> None:
         self._choose = choose
         self._folder = Path.cwd()
+        self._typed = str(self._folder)
         self._entries: list[Entry] = []
         self._problem = ""
         self._all_files = False
         self._wanted = False
+        self.is_open = False
 
-    def open(self) -> None:
-        """Show the list from the next frame on."""
+    def open(self, folder: Path | None = None) -> None:
+        """Show the list from the next frame on.
+
+        Args:
+            folder: Where to begin; None, or one that is not there: where it was left.
+        """
         self._wanted = True
-        self._enter(self._folder)
+        self._enter(folder if folder is not None and folder.is_dir() else self._folder)
 
     def draw(self) -> None:
         """Draw the box while it is open."""
@@ -54,12 +60,12 @@ class FileBrowser:
         size = min(46 * em, 0.9 * display.x), min(32 * em, 0.85 * display.y)
         imgui.set_next_window_size(size, imgui.Cond_.appearing)
         imgui.set_next_window_pos((display.x / 2, display.y / 2), imgui.Cond_.appearing, (0.5, 0.5))
-        if not imgui.begin_popup_modal(_TITLE)[0]:
+        self.is_open = imgui.begin_popup_modal(_TITLE)[0]
+        if not self.is_open:
             return
-        if imgui.is_key_pressed(imgui.Key.escape):
-            imgui.close_current_popup()
-        self._header()
-        chosen = self._list()
+        widgets.close_on_escape()
+        typed = self._header()
+        chosen = self._list() or typed
         if imgui.button("Cancel"):
             imgui.close_current_popup()
         imgui.same_line()
@@ -72,7 +78,9 @@ class FileBrowser:
         if chosen:
             self._choose(chosen)
 
-    def _header(self) -> None:
+    def _header(self) -> Path | None:
+        """Buttons and the path; returns a file whose path was typed."""
+        chosen = None
         if imgui.button("Up"):
             self._enter(self._folder.parent)
         imgui.same_line()
@@ -80,11 +88,16 @@ class FileBrowser:
             self._enter(Path.home())
         imgui.same_line()
         imgui.set_next_item_width(-1)
-        entered, text = imgui.input_text("##folder", str(self._folder), imgui.InputTextFlags_.enter_returns_true)
+        entered, self._typed = imgui.input_text("##folder", self._typed, imgui.InputTextFlags_.enter_returns_true)
         if entered:
-            self._enter(Path(text).expanduser())
+            path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
+            if path.is_file():
+                chosen = path
+            else:
+                self._enter(path)
         if self._problem:
             widgets.complaint(self._problem)
+        return chosen
 
     def _list(self) -> Path | None:
         chosen = None
@@ -103,6 +116,10 @@ class FileBrowser:
             imgui.table_next_column()
             if not entry.is_folder:
                 widgets.right_aligned(f"{entry.size / 1024:,.0f} KiB")
+        if not self._entries:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled("empty" if self._all_files else "nothing here that can be opened")
         imgui.end_table()
         if chosen and chosen.is_dir():
             self._enter(chosen)
@@ -113,7 +130,7 @@ class FileBrowser:
         try:
             self._entries = list_folder(folder, None if self._all_files else _SUFFIXES)
             self._folder = folder.resolve()
-            self._problem = ""
+            self._typed, self._problem = str(self._folder), ""
         except OSError as error:
             self._problem = f"{folder}: {error.strerror or error}"
 

@@ -84,8 +84,12 @@ def status_height() -> float:
     return imgui.get_frame_height() + 2
 
 
-def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
-    """What is shown, why there may be no indirect light, and how fast it goes."""
+def draw_status(state: AppState, size: tuple[int, int], software: bool, work: str = "") -> None:
+    """What is shown, why there may be no indirect light, and how fast it goes.
+
+    Args:
+        work: What goes on although the picture rests, with how far it is, or empty.
+    """
     display, height = imgui.get_io().display_size, status_height()
     imgui.set_next_window_pos((0, display.y - height))
     imgui.set_next_window_size((display.x, height))
@@ -93,22 +97,31 @@ def draw_status(state: AppState, size: tuple[int, int], software: bool) -> None:
     imgui.push_style_var(imgui.StyleVar_.window_padding, (imgui.get_style().window_padding.x, 3.0))
     imgui.begin("##status", None, _BAR)
     imgui.pop_style_var(2)
-    shown = f"buffer {state.buffer}, level {state.level}" if state.buffer else f"{state.settings.show} light"
-    if not state.buffer and state.settings.show == "both":
-        shown = "direct + indirect light"
-    exposed = f"   |   exposure {state.settings.exposure:+.1f} EV" if state.settings.exposure else ""
-    imgui.text_disabled(f"{state.scene.name}   |   {shown}   |   {state.camera.mode}{exposed}")
-    if state.no_indirect:
-        imgui.same_line(0.0, 2 * imgui.get_font_size())
-        imgui.text_colored(theme.ACCENT, state.no_indirect)
     seconds = state.frame_time
     rate = f"{1000 * seconds:.1f} ms   {1 / seconds:.{0 if seconds < 0.1 else 1}f} fps" if seconds > 0.0 else "n/a"
     if state.resting:
         rate = "preparing" if state.preparing else "at rest"
-    text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {rate}"
+    text = f"{'software OpenGL   |   ' if software else ''}{size[0]} x {size[1]}   |   {work or rate}"
+    gap, corner, room = imgui.get_font_size(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    # What is at the right has its room; of the rest, what matters most comes first
+    end = corner.x + room.x - imgui.calc_text_size(text).x - gap
+    imgui.push_clip_rect(corner, (max(end, corner.x), corner.y + height), True)
+    if state.no_indirect:
+        imgui.text_colored(theme.ACCENT, state.no_indirect)
+        imgui.same_line(0.0, 2 * gap)
+    imgui.text_disabled(_what_is_shown(state))
+    imgui.pop_clip_rect()
     imgui.same_line()
-    if imgui.calc_text_size(text).x < imgui.get_content_region_avail().x:
-        imgui.push_style_color(imgui.Col_.text, theme.MUTED)
-        widgets.right_aligned(text)
-        imgui.pop_style_color()
+    imgui.set_cursor_screen_pos((max(end + gap, corner.x), corner.y))
+    imgui.push_style_color(imgui.Col_.text, theme.MUTED)
+    imgui.text(text)
+    imgui.pop_style_color()
     imgui.end()
+
+
+def _what_is_shown(state: AppState) -> str:
+    shown = f"buffer {state.buffer}, level {state.level}" if state.buffer else f"{state.settings.show} light"
+    if not state.buffer and state.settings.show == "both":
+        shown = "direct + indirect light"
+    exposed = f"   |   exposure {state.settings.exposure:+.1f} EV" if state.settings.exposure else ""
+    return f"{state.scene_title}   |   {shown}   |   {state.camera.mode}{exposed}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 from imgui_bundle import imgui
@@ -44,6 +43,9 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def draw_menu(actions: Actions) -> None:
     """Entries of the menu "Settings"."""
+    for text, action in (("Undo", "undo"), ("Do again", "redo")):
+        if imgui.menu_item_simple(text, keys.shortcut(action)):
+            getattr(actions, action)()
     imgui.separator_text("Presets")
     for name, path in presets().items():
         if imgui.menu_item_simple(name):
@@ -51,8 +53,9 @@ def draw_menu(actions: Actions) -> None:
         if imgui.is_item_hovered():
             widgets.hint(path.read_text(encoding="utf-8").strip())
     imgui.separator_text("Files")
-    if imgui.menu_item_simple("Save as settings.toml"):
-        actions.save_settings(Path.cwd() / "settings.toml")
+    if imgui.menu_item_simple("Save to a file"):
+        actions.save_settings()
+    widgets.hint("What differs from the defaults, as .toml with the time in its name, in the working directory")
     if imgui.menu_item_simple("Load settings file...", keys.shortcut("browse_scene")):
         actions.browse_scene()
     if imgui.menu_item_simple("Reset all"):

@@ -55,6 +55,12 @@ def hint(text: str) -> None:
         imgui.pop_style_var()
 
 
+def close_on_escape() -> None:
+    """Within a popup: the key closes it."""
+    if imgui.is_key_pressed(imgui.Key.escape):
+        imgui.close_current_popup()
+
+
 def muted(text: str) -> None:
     """A remark, wrapped."""
     _wrapped(text, theme.MUTED)
@@ -75,6 +81,7 @@ def choice(name: str, current: str, choices: tuple[str, ...] | list[str]) -> str
     """A combo box without a label; returns what is chosen now."""
     result = current
     if imgui.begin_combo(f"##{name}", current):
+        close_on_escape()
         for item in choices:
             if imgui.selectable(item, item == current)[0]:
                 result = item

@@ -1,0 +1,171 @@
+"""Menus, lists and boxes of the real window, and what can be undone in it."""
+
+from __future__ import annotations
+
+import pytest
+from imgui_bundle import imgui
+
+from ssil_viewer.app import keys
+from ssil_viewer.app.panels import file_browser, messages
+from ssil_viewer.settings import Settings
+from tests.app import test_window
+from tests.app.test_window import (  # noqa: F401, fixtures
+    IMAGE_POINT,
+    click,
+    display,
+    drag,
+    egl_aside,
+    picture,
+    places,
+    scene,
+    turn,
+    until,
+    viewer,
+    xdotool,
+)
+
+pytestmark = test_window.pytestmark
+ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
+
+
+@pytest.fixture
+def field(viewer, monkeypatch):  # noqa: F811
+    """The middle of the box's text field, in window units."""
+    original, found = imgui.input_text, {}
+
+    def noted(name, *arguments):
+        result = original(name, *arguments)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        found[name] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
+        return result
+
+    monkeypatch.setattr(file_browser.imgui, "input_text", noted)
+    return lambda: found["##folder"]
+
+
+def type_path(viewer, field, path):  # noqa: F811
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "ctrl+o")
+    assert viewer._gui.has_modal
+    click(viewer, field())
+    xdotool(viewer, "key", "ctrl+a")
+    xdotool(viewer, "type", "--delay", "10", str(path))
+    turn(viewer, 3 * len(str(path)))    # imgui takes keys one after the other
+    xdotool(viewer, "key", "Return")
+
+
+def test_a_path_that_is_typed_is_opened(viewer, field, tmp_path):  # noqa: F811
+    saved = tmp_path / "a.toml"
+    saved.write_text("samples = 7")
+    type_path(viewer, field, saved.name)
+    assert not viewer._gui.has_modal and viewer.state.settings == Settings(samples=7)
+
+
+def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):  # noqa: F811
+    type_path(viewer, field, "b")
+    browser = viewer._gui._browser
+    assert viewer._gui.has_modal and browser._typed == "b" and "No such file" in browser._problem
+
+
+def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer):  # noqa: F811
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "ctrl+o")
+    xdotool(viewer, "key", "d")
+    xdotool(viewer, "key", "c")
+    assert viewer.state.settings.show == "both" and viewer.state.camera.mode == "orbit"
+    xdotool(viewer, "key", "Escape")
+    assert not viewer._gui.has_modal
+    xdotool(viewer, "key", "d")
+    assert viewer.state.settings.show == "direct"
+
+
+def test_the_box_opens_beside_the_scene(viewer, tmp_path):  # noqa: F811
+    (tmp_path / "models").mkdir()
+    for folder in (tmp_path / "models", tmp_path / "gone"):
+        viewer._gui._browser.open(folder)
+        turn(viewer, 2)
+        assert viewer._gui._browser._folder == (tmp_path / "models").resolve()
+
+
+@pytest.mark.parametrize("opens", ["menu", "list"])
+def test_escape_closes_menus_and_lists(viewer, places, opens):  # noqa: F811
+    turn(viewer)
+    left, top, right, bottom = places["visibility"]
+    click(viewer, (25, 8) if opens == "menu" else ((left + right) / 2, (top + bottom) / 2))
+    assert imgui.is_popup_open("", ANY_POPUP)
+    xdotool(viewer, "key", "Escape")
+    assert not imgui.is_popup_open("", ANY_POPUP)
+
+
+def test_escape_closes_the_help(viewer):  # noqa: F811
+    xdotool(viewer, "key", "F1")
+    assert viewer.state.help_open
+    xdotool(viewer, "key", "Escape")
+    assert not viewer.state.help_open
+
+
+def test_a_drag_is_undone_at_once_and_made_again(viewer, places):  # noqa: F811
+    before = viewer.state.settings
+    turn(viewer)
+    left, top, right, bottom = places["samples"]
+    drag(viewer, (left + 5, (top + bottom) / 2), (right - 2, (top + bottom) / 2))
+    after = viewer.state.settings
+    assert after.samples > 500
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "ctrl+z")
+    assert viewer.state.settings == viewer._renderer.settings == before
+    assert viewer.state.toasts[-1].text == "Undone: samples"
+    xdotool(viewer, "key", "ctrl+shift+z")
+    assert viewer.state.settings == after
+    xdotool(viewer, "key", "ctrl+z")
+    xdotool(viewer, "key", "ctrl+z")
+    assert viewer.state.toasts[-1].text == "Nothing to undo"
+
+
+def test_a_lamp_is_taken_back(viewer):  # noqa: F811
+    before = viewer.state.lights
+    viewer.state.lights = (*before, before[0])
+    turn(viewer, 2)
+    viewer.actions.undo()
+    turn(viewer, 2)
+    assert viewer.state.lights == viewer._renderer.lights == before
+    assert viewer.state.toasts[-1].text == "Undone: lights"
+
+
+def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(viewer, monkeypatch):  # noqa: F811
+    scene_of_file = viewer.state.scene.__class__("/a/very/long/path/of/folders/hall.glb")
+    monkeypatch.setattr(viewer.state, "scene", scene_of_file)
+    assert viewer.state.scene_title == "hall.glb"
+    assert messages._what_is_shown(viewer.state).startswith("hall.glb   |   ")
+    viewer._show_title()
+    assert viewer._window.title == "hall.glb - SSIL Viewer"
+
+
+def test_framing_keeps_the_scene_beside_the_panel(viewer):  # noqa: F811
+    turn(viewer)
+    viewer.actions.frame_scene()
+    beside = viewer.state.camera.distance
+    viewer.actions.toggle_panels()
+    turn(viewer)
+    viewer.actions.frame_scene()
+    assert viewer.state.camera.distance < 0.9 * beside
+
+
+def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):  # noqa: F811
+    def blocks():
+        """Share of pairs of columns, of the picture in the middle of the window, that are alike."""
+        pixels = viewer._window_pixels().astype(int)
+        part = pixels[pixels.shape[0] // 3:pixels.shape[0] // 2, pixels.shape[1] // 2:pixels.shape[1] * 2 // 3]
+        alike = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
+        return alike.mean()
+
+    viewer.state.render_scale = 0.25
+    turn(viewer, 3)
+    assert blocks() < 0.1
+    viewer.state.buffer = "normal"
+    turn(viewer, 3)
+    assert blocks() > 0.7
+
+
+def test_escape_is_in_the_help():
+    assert any(binding.keys == "Escape" for binding in keys.BINDINGS)
