@@ -82,11 +82,12 @@ float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, 
     if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
     vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
     vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
-    float lit = 0.0;
+    // Beyond a corner the plane goes on behind a wall that is lit: half of the way must do
+    float lit = 0.0, farthest = 0.5 * spread * rect.w * (abs(slope.x) + abs(slope.y));
     for (int y = -1; y <= 1; y += 2)
         for (int x = -1; x <= 1; x += 2) {
             vec2 at = clamp(uv + vec2(x, y) * (spread * rect.w), low, high);
-            float depth = clamp(ndc.z * 0.5 + 0.5 + dot(slope, at - uv), 0.0, 1.0);
+            float depth = clamp(ndc.z * 0.5 + 0.5 + min(dot(slope, at - uv), farthest), 0.0, 1.0);
             lit += textureLod(atlas, vec3(at, depth), 0.0);
         }
     return lit * 0.25;
