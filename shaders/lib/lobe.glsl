@@ -27,8 +27,12 @@ Lobe make_lobe(vec3 irradiance, vec3 back_irradiance, vec3 directions, float wei
     return Lobe(flux, direction, weight > 0.0 ? min(lobe_weight(back_irradiance) / weight, 128.0) : 0.0);
 }
 
-// Irradiance that a receiver with its own normal gets from a lobe gathered for another one.
-vec3 lobe_irradiance(Lobe lobe, vec3 lobe_normal, vec3 normal) {
+// Irradiance over flux of a receiver with its own normal, from a lobe gathered for another one.
+float lobe_share(Lobe lobe, vec3 lobe_normal, vec3 normal) {
     float turned = 0.5 - 0.5 * dot(lobe_normal, normal);
-    return lobe.flux * (lobe_response(lobe.direction, normal) + lobe.back * turned);
+    return lobe_response(lobe.direction, normal) + lobe.back * turned;
+}
+
+vec3 lobe_irradiance(Lobe lobe, vec3 lobe_normal, vec3 normal) {
+    return lobe.flux * lobe_share(lobe, lobe_normal, normal);
 }

@@ -13,12 +13,13 @@ struct Previous {
     ivec2 at[TAPS];
     vec3 weights;       // 0 for those that showed another surface
     vec3 facing;        // cosines between the normals
+    vec3 normals[TAPS]; // of the last frame, in its view space
     vec2 moved;         // pixels by which the surface has moved in the image since then
 };
 
 #ifdef STILL
 Previous find_previous(ivec2 px, Surface surface) {
-    return Previous(ivec2[](px), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec2(0.0));
+    return Previous(ivec2[](px), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3[](surface.normal), vec2(0.0));
 }
 #else
 Previous find_previous(ivec2 px, Surface surface) {
@@ -41,6 +42,7 @@ Previous find_previous(ivec2 px, Surface surface) {
         bool same = found.at[i] == taps.at[i] && old.view_depth > 0.0 && off_plane < 0.01 * expected_depth;
         found.weights[i] = same ? taps.weights[i] : 0.0;
         found.facing[i] = dot(old.normal, expected_normal);
+        found.normals[i] = old.normal;
     }
     return found;
 }
@@ -57,12 +59,13 @@ vec3 alike(Previous previous, float least) {
 }
 
 #ifdef HAS_HISTORY
-// The mean of `history` over the texels that showed the same surface; false where none did.
-bool find_history(Previous previous, out vec4 history) {
+// The mean of `history` over the texels that showed the same surface; false where none did. factors: on their light.
+bool find_history(Previous previous, vec3 factors, out vec4 history) {
     vec3 weights = alike(previous, 0.8);
     vec4 sum = vec4(0.0);
     for (int i = 0; i < TAPS; ++i) {
         vec4 found = load_history(previous.at[i]);
+        found.rgb *= factors[i];
         sum += weights[i] > 0.0 ? found * weights[i] : vec4(0.0);   // what is refused may be no number
     }
     float total = weights.x + weights.y + weights.z;

@@ -123,7 +123,7 @@ void shade(ivec2 px) {
     out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
 #ifdef HAS_HISTORY
     vec4 history;
-    if (frame.history_frames > 0 && find_history(find_previous(px, surface), history))
+    if (frame.history_frames > 0 && find_history(find_previous(px, surface), vec3(1.0), history))
         out_radiance += min(albedo, MOST_SENT_ON) * history.rgb * (1.0 / PI);
 #endif
 }

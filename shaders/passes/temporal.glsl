@@ -1,15 +1,40 @@
 // Reverse reprojection: each pixel looks up where its surface was in the last frame and goes on with the
 // running means that it finds there, of irradiance and of what glossy surfaces reflect. Both in one pass, since most of
 // the work is the same. alpha of the irradiance: number of frames in the mean.
+#include "lib/lobe.glsl"
 #include "lib/reproject.glsl"
+
+const float COARSE_REACH = 0.05;
 #ifdef HAS_GLOSSY_LIGHT
 #include "passes/glossy_to_image.glsl"
 #endif
 
-vec4 averaged_irradiance(ivec2 px, Previous previous) {
+// Factors on the light of the last frame's texels that turn it to the normal of now. A mean of what neighbours had on their
+// own normals loses the relief of normal maps with each frame that moves, and the lobe knows what light on another one would be.
+vec3 turned(ivec2 px, Surface surface, Previous previous) {
+#if defined HAS_LIGHT && !defined STILL
+    ivec2 at = min(px / 2, size_light() - 1);
+    Surface coarse = load_coarse_surface(at);
+    if (abs(coarse.view_depth - surface.view_depth) < COARSE_REACH * surface.view_depth) {
+        Lobe lobe = load_light(at);
+        float here = lobe_share(lobe, coarse.normal, surface.normal);
+        mat3 before = mat3(frame.previous_view_from_view);
+        lobe.direction = before * lobe.direction;
+        vec3 normal = before * coarse.normal;
+        vec3 factors;
+        for (int i = 0; i < 3; ++i)
+            factors[i] = clamp(here / lobe_share(lobe, normal, previous.normals[i]), 0.5, 2.0);
+        return factors;
+    }
+#endif
+    return vec3(1.0);
+}
+
+vec4 averaged_irradiance(ivec2 px, Surface surface, Previous previous) {
     vec3 current = load_upsample(px);
     vec4 history;
-    if (frame.history_frames == 0 || !find_history(previous, history)) return vec4(current, 1.0);
+    vec3 factors = turned(px, surface, previous);
+    if (frame.history_frames == 0 || !find_history(previous, factors, history)) return vec4(current, 1.0);
 
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
     // which the upsampling has smoothed, is far from the mean, the mean is shortened. Where nothing has moved for a while, what
@@ -61,7 +86,7 @@ void shade(ivec2 px) {
     Surface surface = load_surface(px);
     if (surface.view_depth <= 0.0) return;
     Previous previous = find_previous(px, surface);
-    out_irradiance = averaged_irradiance(px, previous);
+    out_irradiance = averaged_irradiance(px, surface, previous);
 #ifdef HAS_GLOSSY_LIGHT
     out_reflection = averaged_reflection(px, surface, previous, out_irradiance.a);
 #endif

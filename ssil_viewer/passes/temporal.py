@@ -31,6 +31,8 @@ class Temporal(ScreenPass):
     shader = "passes/temporal.glsl"
     reads = {"surface": Read.of("surface"), "upsample": Read.of("all_bounces", "upsample"), "motion": Read.of("motion"),
              "previous_surface": Read.of("surface@previous"), "history": Read.of("irradiance@previous"),
+             "light": Read.of("light", offset=1, optional=True),
+             "coarse_surface": Read.of("surface", offset=1, optional=True),
              "specular": Read.of("specular", optional=True),
              "start_surface": Read.of("surface", offset="start", optional=True),
              "glossy_light": Read.of("glossy_light", offset="start", optional=True),
@@ -50,7 +52,9 @@ class Temporal(ScreenPass):
         if frame.still and frame.software_form:
             # Where each pixel was is known. By a branch software OpenGL would spare nothing: it takes both sides
             defines.append(("STILL", ""))
-            omit |= {"motion", "previous_surface"}
+            omit |= {"motion", "previous_surface", "light", "coarse_surface"}
+        if settings.last_level == 0:
+            omit |= {"light", "coarse_surface"}
         if averages_reflections(settings):
             defines += to_image(settings)
         else:
