@@ -3,12 +3,11 @@
 #include "lib/lights.glsl"
 #include "lib/hash.glsl"
 #include "lib/hemisphere.glsl"
+#include "lib/pi.glsl"
 #include "lib/scene_rays.glsl"
 #ifdef ENVIRONMENT
 #include "lib/environment.glsl"
 #endif
-
-const float PI = 3.141592653589793;
 
 vec3 direct_irradiance(vec3 position, vec3 n) {
     vec3 irradiance = vec3(0.0);

@@ -1,6 +1,7 @@
 // What diffuse and glossy gather share: receivers, senders, and where samples lie. Included after the definitions
 // FORM_FACTOR: 0 disc, 1 point. SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
 // Needs the uniform `texel`: width of a texel of this level in level-0 pixels.
+#include "lib/pi.glsl"
 #if VISIBILITY == 1
 #include "lib/voxels.glsl"
 #ifndef HAS_VOXELS_FAR
@@ -9,8 +10,6 @@
 #elif VISIBILITY == 2
 #include "lib/horizon.glsl"
 #endif
-
-const float PI = 3.141592653589793;
 
 struct Receiver {
     ivec2 px;

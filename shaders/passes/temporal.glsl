@@ -1,6 +1,7 @@
 // Reverse reprojection: each pixel looks up where its surface was in the last frame and goes on with the
 // running means that it finds there, of irradiance and of what glossy surfaces reflect. Both in one pass, since most of
 // the work is the same. alpha of the irradiance: number of frames in the mean.
+#include "lib/luminance.glsl"
 #include "lib/reproject.glsl"
 #ifdef HAS_GLOSSY_LIGHT
 #include "passes/glossy_to_image.glsl"
@@ -14,8 +15,7 @@ vec4 averaged_irradiance(ivec2 px, Previous previous) {
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
     // which the upsampling has smoothed, is far from the mean, the mean is shortened. Where nothing has moved for a while, what
     // differs is noise: rare bright samples of rays would get half of the weight.
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-    float new_light = dot(current, LUMINANCE), old_light = dot(history.rgb, LUMINANCE);
+    float new_light = luminance(current), old_light = luminance(history.rgb);
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
 #ifdef STILL
     float changed = 0.0;
