@@ -1,18 +1,9 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
 // SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
-#include "lib/lobe.glsl"
+#include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
 #include "passes/gather_common.glsl"
 #include "lib/parts.glsl"
-
-struct Incoming {
-    vec3 irradiance;        // over pi
-    vec3 back_irradiance;   // on the other side, over pi
-    vec3 directions;        // sum of unit directions times weight
-    float weights;
-};
-
-const Incoming NO_LIGHT = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
 
 // Walks the sample spiral. Spaced evenly in radius, near senders, whose light varies fastest, get most of the samples,
 // and each stands for the area of its own strip of the spiral; spaced evenly in area, as in the talk, all stand for
@@ -42,15 +33,7 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
-// All but the direction, whose weight it returns.
-float receive(float receiver_cos, vec3 radiance, inout Incoming light) {
-    light.irradiance += radiance * max(receiver_cos, 0.0);
-    light.back_irradiance += radiance * max(-receiver_cos, 0.0);
-    float weight = receiver_cos > 0.0 ? lobe_weight(radiance) : 0.0;
-    light.weights += weight;
-    return weight;
-}
-
+// radiance: times the form factor, so that all sums are over pi until `lobe_of`.
 void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
     float weight = receive(dot(receiver.normal, sender.offset) * sender.inverse_distance, radiance, light);
     light.directions += sender.offset * (weight * sender.inverse_distance);
