@@ -43,3 +43,12 @@ float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
     float off_plane = plane_distance(receiver, slant, tap, apart);
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
 }
+
+// Sum of the weights below which nobody agrees: thin things whose surface no coarse texel kept. What is missing goes to
+// the neighbour nearest in depth, which is wrong by less than black or a halo would be.
+const float LEAST_AGREEMENT = 0.01;
+
+// For that: distance in depth of a tap to a receiver. The background is farther than any surface.
+float apart_in_depth(Surface tap, Surface receiver) {
+    return tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+}

@@ -23,15 +23,13 @@ vec3 sky_share(ivec2 px, Surface receiver) {
         float weight = kernel * agreement(plane, slanted, tap, vec2(place - ivec2(corner)));
         sum += share * weight;
         total += weight;
-        float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+        float apart = apart_in_depth(tap, receiver);
         if (apart < closest) {
             closest = apart;
             nearest = share;
         }
     }
-    // Nobody agrees: the neighbour nearest in depth is wrong by less than anything else
-    const float LEAST = 0.01;
-    return (sum + nearest * max(LEAST - total, 0.0)) / max(total, LEAST);
+    return (sum + nearest * max(LEAST_AGREEMENT - total, 0.0)) / max(total, LEAST_AGREEMENT);
 }
 
 vec3 environment_background(vec2 ray) {

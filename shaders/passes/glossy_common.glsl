@@ -34,10 +34,7 @@ float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness,
     return tap.view_depth > 0.0 && tap_roughness >= 0.0 ? weight : 0.0;
 }
 
-// Sum of the weights below which nobody agrees.
-const float LEAST_AGREEMENT = 0.01;
-
-// Weighted mean of reflections, and the one nearest in depth for when nobody agrees.
+// Weighted mean of reflections, and the one nearest in depth, for when nobody agrees (LEAST_AGREEMENT).
 struct ReflectionSum {
     vec3 sum;
     float squares;      // of luminance

@@ -6,8 +6,6 @@
 #include "lib/lobe.glsl"
 #include "lib/parts.glsl"
 
-const float THRESH = 0.01;
-
 // Rows of the window that denoises. CPUs' compilers must keep the loop: unrolled it takes them long. A GPU waits for less
 // with all of it in flight.
 #ifdef GPU
@@ -130,16 +128,14 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
         Surface tap = tap_surface(i, taps[i]);
         normals[i] = tap.normal;
         weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
-        apart[i] = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+        apart[i] = apart_in_depth(tap, receiver);
     }
-    // Nobody agrees: thin things whose surface no coarse texel kept. The neighbour nearest in depth is
-    // wrong by less than black or a halo would be.
-    float total = weights.x + weights.y + weights.z, missing = max(THRESH - total, 0.0);
+    float total = weights.x + weights.y + weights.z, missing = max(LEAST_AGREEMENT - total, 0.0);
     bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
     weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
     Sum sum = NO_LIGHT;
     for (int i = 0; i < 3; ++i) add(sum, tap_lobe(i, taps[i]), normals[i], receiver.normal, weights[i]);
-    return scaled(sum, 1.0 / max(total, THRESH));
+    return scaled(sum, 1.0 / max(total, LEAST_AGREEMENT));
 #endif
 }
 #endif
