@@ -116,9 +116,11 @@ float form_factor(Sender sender, Disc disc, float texels) { return form_factor(s
 
 float form_factor(Sender sender, float texels) { return form_factor(sender, texel_disc(sender), texels); }
 
-// Samples between two radii, evenly spaced in radius or in its square.
+// Samples between two radii. Spaced evenly in radius, near senders, whose light varies fastest, get most of the
+// samples, and each stands for the area of its own strip; spaced evenly in area, as in the talk, all stand for the same
+// (docs/method/gather.md).
 struct Ring {
-    float from, step;
+    float from, step;       // radius, or its square
 };
 
 Ring make_ring(float from, float to, int count) {
