@@ -62,6 +62,11 @@ vec3 light_irradiance(Light light, vec3 position, out vec3 wi) {
     return light.intensity * falloff;
 }
 
+// Whether light falls onto a surface's front. n_dot_l: dot(n, wi).
+bool lights_front(vec3 incoming, float n_dot_l) {
+    return n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0;
+}
+
 // A tile of the atlas: its view, and its place (uv of the corner, uv size, uv size of a texel).
 struct Tile {
     mat4 clip_from_world;

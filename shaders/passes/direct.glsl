@@ -80,7 +80,7 @@ void shade(ivec2 px) {
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
-        if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
+        if (lights_front(incoming, n_dot_l)) {
             float lit = 0.0;
 #ifdef HAS_TRACED
             uint answer = i < TRACED_LAMPS ? (traced >> uint(2 * i)) & 3u : 0u;
