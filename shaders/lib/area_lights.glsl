@@ -1,7 +1,6 @@
 // Irradiance from areas that emit evenly, clipped to the receiver's horizon. Each function returns E / L: the integral of
 // the cosine over the visible solid angle, 0 to pi. Vectors are relative to the receiver; n is its unit normal.
-
-const float AREA_PI = 3.141592653589793;
+#include "lib/pi.glsl"
 
 // One edge of Lambert's sum: the angle between its ends, times the cosine between n and the edge's plane normal.
 float edge_irradiance(vec3 a, vec3 b, vec3 n) {
@@ -93,13 +92,13 @@ float disc_irradiance(vec3 center, float radius, vec3 u, vec3 direction, vec3 n)
         float sum = s + h * h + rho * rho + squared;
         float straight = squared * (1.0 - 2.0 * rho * rho / sum) / s;
         float sideways = 2.0 * h * squared / (sum * s);         // over rho, which `inward` has
-        return AREA_PI * max(-facing * straight + dot(n, inward) * sideways, 0.0);
+        return PI * max(-facing * straight + dot(n, inward) * sideways, 0.0);
     }
     vec3 v = cross(direction, u);
     ClippedPolygon polygon = start_polygon();
     vec3 previous = center + u * (radius * SAME_AREA);
     for (int i = 1; i <= EDGES; ++i) {
-        float angle = float(i) * (2.0 * AREA_PI / float(EDGES));
+        float angle = float(i) * (2.0 * PI / float(EDGES));
         vec3 next = center + (u * cos(angle) + v * sin(angle)) * (radius * SAME_AREA);
         add_edge(polygon, previous, next, n);
         previous = next;
@@ -113,7 +112,7 @@ float sphere_irradiance(vec3 center, float radius, vec3 n) {
     float sin2 = radius * radius / squared;                     // of the half angle that it fills
     if (!(sin2 < 1.0)) return 0.0;
     float cosine = dot(n, center) * inversesqrt(squared);
-    if (cosine * abs(cosine) >= sin2) return AREA_PI * sin2 * cosine;
+    if (cosine * abs(cosine) >= sin2) return PI * sin2 * cosine;
     if (cosine * abs(cosine) <= -sin2) return 0.0;
     float sine = sqrt(max(1.0 - cosine * cosine, 1e-12));
     float x = sqrt(1.0 / sin2 - 1.0);

@@ -3,8 +3,21 @@
 // Distance to the plane at which a tap's weight is halved, relative to the view depth.
 const float PLANE_TOLERANCE = 0.01;
 
-// Of a tap in the 5x5 window that sees each of 4x4 texels, in which samples differ, once: x from -2 to 2, row from 0 to 4.
+// A tap of the 5x5 window around px that sees each of 4x4 texels, in which samples differ, once, whatever its phase:
+// x from -2 to 2, row from 0 to 4. last: texel of the image.
+ivec2 window_tap(ivec2 px, int x, int row, ivec2 last) {
+    return ivec2(clamp(px.x + x, 0, last.x), clamp(px.y + row - 2, 0, last.y));
+}
+
 float window_weight(int x, int row) { return (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
+
+// Rows of the window, 5. CPUs' compilers must keep the loop over the uniform `window`: unrolled it takes them long.
+// A GPU waits for less with all of it in flight.
+#ifdef GPU
+const int WINDOW_ROWS = 5;
+#else
+#define WINDOW_ROWS window
+#endif
 
 // The tangent plane of a receiver.
 struct Plane {
@@ -42,4 +55,13 @@ float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
     facing *= facing;
     float off_plane = plane_distance(receiver, slant, tap, apart);
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
+}
+
+// Sum of the weights below which nobody agrees: thin things whose surface no coarse texel kept. What is missing goes to
+// the neighbour nearest in depth, which is wrong by less than black or a halo would be.
+const float LEAST_AGREEMENT = 0.01;
+
+// For that: distance in depth of a tap to a receiver. The background is farther than any surface.
+float apart_in_depth(Surface tap, Surface receiver) {
+    return tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
 }

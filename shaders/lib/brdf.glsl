@@ -1,6 +1,5 @@
 // Reflectance models. All vectors are unit length and point away from the surface.
-
-const float PI = 3.141592653589793;
+#include "lib/pi.glsl"
 
 vec3 fresnel_schlick(vec3 f0, float v_dot_h) {
     float m = clamp(1.0 - v_dot_h, 0.0, 1.0);

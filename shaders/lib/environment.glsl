@@ -1,5 +1,6 @@
 // Lookups in an environment map (scene/environment.py): the middle column is +Z, the columns to the right of it turn towards
 // -X, the top row is +Y.
+#include "lib/pi.glsl"
 
 // A world direction as the map knows it. turn: cosine and sine of the map's rotation about +Y.
 vec3 environment_direction(vec3 world, vec2 turn) {
@@ -7,10 +8,9 @@ vec3 environment_direction(vec3 world, vec2 turn) {
 }
 
 vec2 environment_uv(vec3 d) {
-    const float PI_ = 3.141592653589793;
     // At the poles the turn means nothing, and the arctangent of nothing is undefined
     float turn = abs(d.x) + abs(d.z) > 1e-12 ? atan(d.x, -d.z) : 0.0;
-    return vec2(turn / (2.0 * PI_), acos(clamp(d.y, -1.0, 1.0)) / PI_);
+    return vec2(turn / (2.0 * PI), acos(clamp(d.y, -1.0, 1.0)) / PI);
 }
 
 // The irradiance map has its texels on whole columns, and on both poles.

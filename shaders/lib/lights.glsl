@@ -2,6 +2,8 @@
 // Tables: gpu/light_table.py, punctual lights first. All positions are in world space. AREA_RECTANGLE, AREA_DISC and
 // AREA_SPHERE are defined where there are such lights: code that does not run costs, too.
 #include "lib/float_table.glsl"
+// Here already: a file counts as included even where an #if leaves its lines out
+#include "lib/pi.glsl"
 #if defined(AREA_RECTANGLE) || defined(AREA_DISC) || defined(AREA_SPHERE)
 #define AREA_LIGHTS
 #include "lib/area_lights.glsl"
@@ -58,6 +60,11 @@ vec3 light_irradiance(Light light, vec3 position, out vec3 wi) {
         falloff *= angular * angular;
     }
     return light.intensity * falloff;
+}
+
+// Whether light falls onto a surface's front. n_dot_l: dot(n, wi).
+bool lights_front(vec3 incoming, float n_dot_l) {
+    return n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0;
 }
 
 // A tile of the atlas: its view, and its place (uv of the corner, uv size, uv size of a texel).
@@ -173,7 +180,7 @@ float area_irradiance(AreaLight light, vec3 position, vec3 n) {
 float area_size(AreaLight light) {
     float r = light.half_size.x;
     if (light.kind == LIGHT_RECTANGLE) return 4.0 * r * light.half_size.y;
-    return (light.kind == LIGHT_DISC ? 1.0 : 4.0) * AREA_PI * r * r;
+    return (light.kind == LIGHT_DISC ? 1.0 : 4.0) * PI * r * r;
 }
 
 const float LEAST_FACING = 0.1;
@@ -182,7 +189,7 @@ const int AREA_TILES = 3;   // of each point: they cover the side to which it em
 // Share of an area's light that arrives: the mean over its points, each with the form factor of its part of the area.
 float area_shadow(sampler2DShadow atlas, FLOAT_TABLE tiles, AreaLight light, vec3 position, vec3 n, vec3 triangle) {
     if (light.first_tile < 0) return 1.0;
-    float part = area_size(light) / (AREA_PI * float(light.shadow_points));
+    float part = area_size(light) / (PI * float(light.shadow_points));
     float lit = 0.0, total = 0.0;
     int i = 0;
     do {
@@ -249,6 +256,6 @@ float area_extent(AreaLight light, vec3 to_point) {
     float squared = dot(to_point, to_point);
     if (light.kind == LIGHT_SPHERE) return light.half_size.x * light.half_size.x / squared;
     float facing = max(-dot(light.direction, to_point), 0.0) * inversesqrt(squared);
-    return area_size(light) * facing / (AREA_PI * squared);
+    return area_size(light) * facing / (PI * squared);
 }
 #endif

@@ -1,6 +1,7 @@
 // Irradiance that can be turned to another normal. A coarse texel gathers light for the one normal that it kept;
 // the fine pixels that it serves have normals of their own. So what travels up the pyramid is the light before the
 // cosine: a flux, its mean direction, and what arrives on the surface's other side.
+#include "lib/luminance.glsl"
 
 // Share of the flux that a receiver gets whatever its normal is. Measured: 0.1 to 0.5 differ little, 0.25 was best.
 const float LOBE_AMBIENT = 0.25;
@@ -14,7 +15,7 @@ float lobe_response(vec3 direction, vec3 normal) {
     return max(dot(direction, normal) + LOBE_AMBIENT, LEAST_RESPONSE);
 }
 
-float lobe_weight(vec3 flux) { return dot(flux, vec3(0.2126, 0.7152, 0.0722)); }
+float lobe_weight(vec3 flux) { return luminance(flux); }
 
 // The lobe of a receiver: irradiance on its front and on its back, and the sum of the directions of arrival times
 // their weights. The flux is the one that gives the irradiance back exactly, for the direction as it will be stored.

@@ -1,6 +1,6 @@
 // The glossy lobe: Phong's, cos^e of the angle to the mirror direction, normalized over the hemisphere.
+#include "lib/pi.glsl"
 
-const float PHONG_PI = 3.141592653589793;
 const float LEAST_EXPONENT = 1.0;       // a wider lobe than that is no longer told from a diffuse one
 const float LARGEST_EXPONENT = 10000.0; // half a degree: stored normals are not much more exact
 
@@ -18,7 +18,7 @@ float narrowing_by_disc(float exponent, float above, float below) { return below
 
 // (e + 2) / (2 pi) cos^e, sr^-1; lobe_cos > 0.
 float phong_lobe(float exponent, float lobe_cos) {
-    return (exponent + 2.0) / (2.0 * PHONG_PI) * pow(lobe_cos, exponent);
+    return (exponent + 2.0) / (2.0 * PI) * pow(lobe_cos, exponent);
 }
 
 // The integral of phong_lobe times the receiver's cosine over the hemisphere around the normal: 1 for a mirror direction
@@ -29,7 +29,7 @@ float phong_lobe(float exponent, float lobe_cos) {
 // W the integral of cos^(e + 1) from -pi/2 to pi/2. W and the rest have approximations that are within 1.6 % together.
 float phong_albedo(float exponent, float n_dot_r) {
     float c = clamp(n_dot_r, 0.0, 1.0), k = exponent + 1.0;
-    float whole = sqrt(2.0 * PHONG_PI / (k + 0.5 + 0.1366 / (1.0 + 0.93 * k)));
+    float whole = sqrt(2.0 * PI / (k + 0.5 + 0.1366 / (1.0 + 0.93 * k)));
     float s = sqrt(0.5 * exponent + 0.75);
     vec2 x = min(vec2(c * s, s), vec2(4.0));        // both arguments of an error function, 1 beyond
     vec2 e = tanh(x * (1.1283 + 0.1009 * x * x));

@@ -1,4 +1,5 @@
 // Sample patterns.
+#include "lib/pi.glsl"
 
 const float GOLDEN_ANGLE = 2.399963229728653;
 const float GOLDEN_ANGLE_COS = -0.7373688780783197;   // cos and sin of pi (3 - sqrt 5), the Vogel spiral's step
@@ -18,7 +19,7 @@ vec2 interleaved_4x4(ivec2 px) {
 
 vec2 direction_from_angle(float angle) { return vec2(cos(angle), sin(angle)); }
 
-vec2 direction_from_turn(float turn) { return direction_from_angle(turn * 6.283185307179586); }
+vec2 direction_from_turn(float turn) { return direction_from_angle(turn * (2.0 * PI)); }
 
 // Rotation by the angle of another direction.
 vec2 rotated(vec2 direction, vec2 turn) {

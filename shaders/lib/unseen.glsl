@@ -3,12 +3,11 @@
 #include "lib/lights.glsl"
 #include "lib/hash.glsl"
 #include "lib/hemisphere.glsl"
+#include "lib/pi.glsl"
 #include "lib/scene_rays.glsl"
 #ifdef ENVIRONMENT
 #include "lib/environment.glsl"
 #endif
-
-const float PI = 3.141592653589793;
 
 vec3 direct_irradiance(vec3 position, vec3 n) {
     vec3 irradiance = vec3(0.0);
@@ -18,7 +17,7 @@ vec3 direct_irradiance(vec3 position, vec3 n) {
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
-        if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0)
+        if (lights_front(incoming, n_dot_l))
             irradiance += incoming * (n_dot_l * shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, n, wi));
     } while (++i < punctual_lights);
 #ifdef AREA_LIGHTS

@@ -23,15 +23,13 @@ vec3 sky_share(ivec2 px, Surface receiver) {
         float weight = kernel * agreement(plane, slanted, tap, vec2(place - ivec2(corner)));
         sum += share * weight;
         total += weight;
-        float apart = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+        float apart = apart_in_depth(tap, receiver);
         if (apart < closest) {
             closest = apart;
             nearest = share;
         }
     }
-    // Nobody agrees: the neighbour nearest in depth is wrong by less than anything else
-    const float LEAST = 0.01;
-    return (sum + nearest * max(LEAST - total, 0.0)) / max(total, LEAST);
+    return (sum + nearest * max(LEAST_AGREEMENT - total, 0.0)) / max(total, LEAST_AGREEMENT);
 }
 
 vec3 environment_background(vec2 ray) {
@@ -82,7 +80,7 @@ void shade(ivec2 px) {
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
         float n_dot_l = dot(n, wi);
-        if (n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0) {
+        if (lights_front(incoming, n_dot_l)) {
             float lit = 0.0;
 #ifdef HAS_TRACED
             uint answer = i < TRACED_LAMPS ? (traced >> uint(2 * i)) & 3u : 0u;

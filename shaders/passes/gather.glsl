@@ -1,37 +1,15 @@
 // Monte-Carlo gather of one level: a disc at the starting level, a ring beyond. FORM_FACTOR: 0 disc, 1 point.
 // SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
-#include "lib/lobe.glsl"
+#include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
 #include "passes/gather_common.glsl"
 #include "lib/parts.glsl"
 
-struct Incoming {
-    vec3 irradiance;        // over pi
-    vec3 back_irradiance;   // on the other side, over pi
-    vec3 directions;        // sum of unit directions times weight
-    float weights;
-};
-
-const Incoming NO_LIGHT = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-
-// Walks the sample spiral. Spaced evenly in radius, near senders, whose light varies fastest, get most of the samples,
-// and each stands for the area of its own strip of the spiral; spaced evenly in area, as in the talk, all stand for
-// the same (docs/method/gather.md).
+// Walks the sample spiral.
 struct Spiral {
     vec2 direction;
-    float at;               // radius, or its square
-    float step;
+    Ring rest;              // from the next sample on
 };
-
-Spiral start_spiral(vec2 direction, float inner, float outer, int samples, float jitter) {
-#if SPACING == 0
-    float step = (outer - inner) / float(max(samples, 1));
-    return Spiral(direction, inner + jitter * step, step);
-#else
-    float step = (outer * outer - inner * inner) / float(max(samples, 1));
-    return Spiral(direction, inner * inner + jitter * step, step);
-#endif
-}
 
 // The innermost part of the disc, whose light the upsampling leaves unfiltered: this share of its radius gets this
 // share of its samples.
@@ -42,15 +20,7 @@ const int NEAR_SAMPLES = 4;     // one in four
 const int NEAR_SAMPLES = 36;    // one in 36, like its area
 #endif
 
-// All but the direction, whose weight it returns.
-float receive(float receiver_cos, vec3 radiance, inout Incoming light) {
-    light.irradiance += radiance * max(receiver_cos, 0.0);
-    light.back_irradiance += radiance * max(-receiver_cos, 0.0);
-    float weight = receiver_cos > 0.0 ? lobe_weight(radiance) : 0.0;
-    light.weights += weight;
-    return weight;
-}
-
+// radiance: times the form factor, so that all sums are over pi until `lobe_of`.
 void receive(Receiver receiver, Sender sender, vec3 radiance, inout Incoming light) {
     float weight = receive(dot(receiver.normal, sender.offset) * sender.inverse_distance, radiance, light);
     light.directions += sender.offset * (weight * sender.inverse_distance);
@@ -224,7 +194,7 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
     // Neighbours in the spiral, so that all threads are about as far out and in the same part of the textures
     vec2 turn = direction_from_angle(GOLDEN_ANGLE * float(PARTS));
     spiral.direction = turned(spiral.direction, GOLDEN_ANGLE * float(part));
-    spiral.at += spiral.step * float(part);
+    spiral.rest.from += spiral.rest.step * float(part);
 #endif
 #if VISIBILITY == 1
     vec2 scale = frame.ray_scale * texel;
@@ -233,20 +203,15 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
 #endif
     int i = part;
     if (i < count) do {
-#if SPACING == 0
-        float radius = spiral.at;
-        float texels = 2.0 * PI * radius * spiral.step;             // that this sample stands for
-#else
-        float radius = sqrt(spiral.at);
-        float texels = PI * spiral.step;
-#endif
-        ivec2 at = ivec2(floor(center + spiral.direction * radius));
+        vec2 place = ring_place(spiral.rest, 0.0);
+        float texels = 2.0 * PI * place.y;      // that this sample stands for
+        ivec2 at = ivec2(floor(center + spiral.direction * place.x));
 #if PARTS > 1
         spiral.direction = rotated(spiral.direction, turn);
 #else
         spiral.direction = golden_rotation(spiral.direction);
 #endif
-        spiral.at += spiral.step * float(PARTS);
+        spiral.rest.from += spiral.rest.step * float(PARTS);
         bool seen = may_see(receiver, at);
 #ifndef ZERO_OUTSIDE
         if (!seen) continue;
@@ -301,7 +266,9 @@ void gather(Receiver receiver, out Incoming near, out Incoming light) {
     do {
         bool rest = field == 1;
         int count = rest ? frame.samples - near_samples : near_samples;
-        Spiral spiral = start_spiral(direction, rest ? inner : 0.0, rest ? frame.radius : inner, count, jitter.y);
+        Ring ring = make_ring(rest ? inner : 0.0, rest ? frame.radius : inner, count);
+        ring.from += jitter.y * ring.step;
+        Spiral spiral = Spiral(direction, ring);
         Incoming sum = NO_LIGHT;
         gather_samples(receiver, count, spiral, sum);
 #if PARTS > 1

@@ -1,6 +1,7 @@
 // What diffuse and glossy gather share: receivers, senders, and where samples lie. Included after the definitions
 // FORM_FACTOR: 0 disc, 1 point. SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
 // Needs the uniform `texel`: width of a texel of this level in level-0 pixels.
+#include "lib/pi.glsl"
 #if VISIBILITY == 1
 #include "lib/voxels.glsl"
 #ifndef HAS_VOXELS_FAR
@@ -9,8 +10,6 @@
 #elif VISIBILITY == 2
 #include "lib/horizon.glsl"
 #endif
-
-const float PI = 3.141592653589793;
 
 struct Receiver {
     ivec2 px;
@@ -117,9 +116,11 @@ float form_factor(Sender sender, Disc disc, float texels) { return form_factor(s
 
 float form_factor(Sender sender, float texels) { return form_factor(sender, texel_disc(sender), texels); }
 
-// Samples between two radii, evenly spaced in radius or in its square.
+// Samples between two radii. Spaced evenly in radius, near senders, whose light varies fastest, get most of the
+// samples, and each stands for the area of its own strip; spaced evenly in area, as in the talk, all stand for the same
+// (docs/method/gather.md).
 struct Ring {
-    float from, step;
+    float from, step;       // radius, or its square
 };
 
 Ring make_ring(float from, float to, int count) {

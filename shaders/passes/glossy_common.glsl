@@ -1,5 +1,6 @@
 // How far neighbours may lend a receiver their reflection. Included by the passes that filter it.
 #include "lib/bilateral.glsl"
+#include "lib/luminance.glsl"
 
 // Difference of perceptual roughness at which it is halved: materials stay apart.
 const float ROUGHNESS_TOLERANCE = 0.05;
@@ -33,10 +34,7 @@ float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness,
     return tap.view_depth > 0.0 && tap_roughness >= 0.0 ? weight : 0.0;
 }
 
-// Sum of the weights below which nobody agrees.
-const float LEAST_AGREEMENT = 0.01;
-
-// Weighted mean of reflections, and the one nearest in depth for when nobody agrees.
+// Weighted mean of reflections, and the one nearest in depth, for when nobody agrees (LEAST_AGREEMENT).
 struct ReflectionSum {
     vec3 sum;
     float squares;      // of luminance
@@ -49,8 +47,6 @@ struct ReflectionSum {
 ReflectionSum no_reflection() {
     return ReflectionSum(vec3(0.0), 0.0, 0.0, 0.0, Reflection(vec3(0.0), 0.0, 0.0), 1e30);
 }
-
-float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
 void add_reflection(inout ReflectionSum sum, Reflection tap, float weight) {
     float light = luminance(tap.radiance);

@@ -5,7 +5,7 @@
 #include "passes/gather_common.glsl"
 #include "passes/glossy_receiver.glsl"
 
-const float TURN = 6.283185307179586;
+const float TURN = 2.0 * PI;
 const float GOLDEN_TURN = 0.6180339887498949;
 
 // Part of the image in which samples lie, seen from the receiver.

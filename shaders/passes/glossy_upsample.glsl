@@ -3,13 +3,6 @@
 #include "passes/glossy_common.glsl"
 #include "lib/parts.glsl"
 
-// Rows of the window; see upsample.glsl
-#ifdef GPU
-const int ROWS = 5;
-#else
-#define ROWS window
-#endif
-
 // The level's own reflection, for the first of the threads that share a texel; of no use where nothing reflects. Every
 // thread calls it.
 Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
@@ -22,16 +15,15 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
         Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
         int row = part;
         do {
-            int y = clamp(px.y + row - 2, 0, last.y);
             for (int x = -2; x <= 2; ++x) {
-                ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+                ivec2 at = window_tap(px, x, row, last);
                 Reflection tap = load_glossy_gather(at);
                 Surface there = load_surface(at);
                 float weight = window_weight(x, row)
                              * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
                 add_reflection(sum, tap, weight);
             }
-        } while ((row += PARTS) < ROWS);
+        } while ((row += PARTS) < WINDOW_ROWS);
     }
     PartSum all = sum_of_parts(PartSum(vec4(sum.sum, sum.total), vec4(sum.squares), vec4(0.0)));
     sum.sum = all.a.rgb;

@@ -24,8 +24,7 @@ void shade(ivec2 px) {
         Light light = fetch_light(texture_lights, i);
         vec3 wi;
         vec3 incoming = light_irradiance(light, position, wi);
-        if (light.first_tile < 0 || dot(n, wi) <= 0.0 || dot(triangle, wi) <= 0.0) continue;
-        if (max(max(incoming.r, incoming.g), incoming.b) <= 0.0) continue;
+        if (light.first_tile < 0 || dot(triangle, wi) <= 0.0 || !lights_front(incoming, dot(n, wi))) continue;
         if (shadow(texture_shadow_atlas, texture_shadow_tiles, light, position, n, triangle, wi) <= 0.0) continue;
         vec3 end = light.kind == LIGHT_DIRECTIONAL ? from + wi * (length(position) + extent)
                                                    : mix(from, light.position, BEFORE_LAMP);

@@ -2,9 +2,9 @@
 // taken slice by slice: a slice is a half turn of the plane through the view ray, whose 32 sectors are marked as blocked by the
 // surfaces met while walking along the slice's line on the screen.
 #include "lib/environment.glsl"
+#include "lib/pi.glsl"
 #include "lib/sampling.glsl"
 
-const float PI = 3.141592653589793;
 const int SECTORS = 32;
 const float SECTOR = PI / float(SECTORS);
 const int GROUP = 4;                // sectors that share a lookup in the map: 22 degrees

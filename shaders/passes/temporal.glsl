@@ -2,6 +2,7 @@
 // running means that it finds there, of irradiance and of what glossy surfaces reflect. Both in one pass, since most of
 // the work is the same. alpha of the irradiance: number of frames in the mean.
 #include "lib/lobe.glsl"
+#include "lib/luminance.glsl"
 #include "lib/reproject.glsl"
 
 const float COARSE_REACH = 0.05;
@@ -39,8 +40,7 @@ vec4 averaged_irradiance(ivec2 px, Surface surface, Previous previous) {
     // Light that changed, a moving lamp or a door that opens, must not be averaged away: where the new value,
     // which the upsampling has smoothed, is far from the mean, the mean is shortened. Where nothing has moved for a while, what
     // differs is noise: rare bright samples of rays would get half of the weight.
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-    float new_light = dot(current, LUMINANCE), old_light = dot(history.rgb, LUMINANCE);
+    float new_light = luminance(current), old_light = luminance(history.rgb);
     float change = abs(new_light - old_light) / max(max(new_light, old_light), 1e-6);
 #ifdef STILL
     float changed = 0.0;

@@ -2,21 +2,12 @@
 // in proportion to what they would bring. Closer than `near_reach`, where senders are too far apart: rays of random directions,
 // and the light of what they meet.
 //   side: texels per side of the senders.
-#include "lib/lobe.glsl"
+#include "lib/incoming.glsl"
 #include "lib/unseen.glsl"
 
-struct Incoming {
-    vec3 irradiance, back_irradiance, directions;
-    float weights;
-};
-
-// light: without the cosine at the receiver, which is negative for what arrives at its back.
 void receive(vec3 direction, float cosine, vec3 light, inout Incoming sum) {
-    sum.irradiance += light * max(cosine, 0.0);
-    sum.back_irradiance += light * max(-cosine, 0.0);
-    float weight = cosine > 0.0 ? lobe_weight(light) : 0.0;
+    float weight = receive(cosine, light, sum);
     sum.directions += direction * weight;
-    sum.weights += weight;
 }
 
 struct Candidate {
@@ -91,7 +82,7 @@ void shade(ivec2 px) {
     vec3 position = position_from_ray(ray, surface.view_depth) * (1.0 - RAY_LIFT);
     float lift = RAY_LIFT * surface.view_depth, share = 1.0 / float(rays);
     uint random = hash(uint(px.x + (px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + 17u));
-    Incoming sum = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    Incoming sum = NO_LIGHT;
     int r = 0;
     do {
         gather_far(position, surface.normal, lift, share, random, sum);

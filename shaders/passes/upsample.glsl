@@ -6,16 +6,6 @@
 #include "lib/lobe.glsl"
 #include "lib/parts.glsl"
 
-const float THRESH = 0.01;
-
-// Rows of the window that denoises. CPUs' compilers must keep the loop: unrolled it takes them long. A GPU waits for less
-// with all of it in flight.
-#ifdef GPU
-const int ROWS = 5;
-#else
-#define ROWS window
-#endif
-
 // Sums over lobes, evaluated for the receiver at hand.
 struct Sum {
     vec3 irradiance;
@@ -41,23 +31,21 @@ Sum plus(Sum a, Sum b) {
 const Sum NO_LIGHT = Sum(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
 
 #ifdef HAS_GATHER
-// Sum over the texels of a window, and of their weights. The gather's rotations repeat every 4 texels: this window sees
-// each of the 16 once, whatever its phase. Threads that share a texel take a row each.
+// Sum over the texels of a window, and of their weights: the gather's rotations repeat every 4 texels. Threads that
+// share a texel take a row each.
 void add_window(ivec2 px, Surface receiver, Plane plane, inout Sum sum, inout float total) {
     ivec2 last = size_gather() - 1;
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
     int row = part;
     do {
-        int y = clamp(px.y + row - 2, 0, last.y);
         for (int x = -2; x <= 2; ++x) {
-            ivec2 at = ivec2(clamp(px.x + x, 0, last.x), y);
+            ivec2 at = window_tap(px, x, row, last);
             Surface tap = load_surface(at);
-            float weight = window_weight(x, row)
-                         * agreement(plane, slanted, tap, vec2(at - px));
+            float weight = window_weight(x, row) * agreement(plane, slanted, tap, vec2(at - px));
             add(sum, load_gather(at), tap.normal, receiver.normal, weight);
             total += weight;
         }
-    } while ((row += PARTS) < ROWS);
+    } while ((row += PARTS) < WINDOW_ROWS);
 }
 
 // The level's own light, for the first of the threads that share a texel. Every thread calls it.
@@ -130,16 +118,14 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
         Surface tap = tap_surface(i, taps[i]);
         normals[i] = tap.normal;
         weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
-        apart[i] = tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
+        apart[i] = apart_in_depth(tap, receiver);
     }
-    // Nobody agrees: thin things whose surface no coarse texel kept. The neighbour nearest in depth is
-    // wrong by less than black or a halo would be.
-    float total = weights.x + weights.y + weights.z, missing = max(THRESH - total, 0.0);
+    float total = weights.x + weights.y + weights.z, missing = max(LEAST_AGREEMENT - total, 0.0);
     bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
     weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
     Sum sum = NO_LIGHT;
     for (int i = 0; i < 3; ++i) add(sum, tap_lobe(i, taps[i]), normals[i], receiver.normal, weights[i]);
-    return scaled(sum, 1.0 / max(total, THRESH));
+    return scaled(sum, 1.0 / max(total, LEAST_AGREEMENT));
 #endif
 }
 #endif

@@ -1,7 +1,6 @@
 // The share of even light from all around that reaches a surface past what the image shows, weighted by the cosine: in each slice
 // the highest horizon to either side, and the integral between the two in closed form. Only for comparison (docs/compare.md).
-
-const float PI = 3.141592653589793;
+#include "lib/pi.glsl"
 
 Surface load_level(ivec2 px, int coarser) { return load_surface(px); }
 
