@@ -4,32 +4,59 @@
 #include "lib/lobe.glsl"
 #include "lib/luminance.glsl"
 #include "lib/reproject.glsl"
-
-const float COARSE_REACH = 0.05;
 #ifdef HAS_GLOSSY_LIGHT
 #include "passes/glossy_to_image.glsl"
 #endif
 
-// Factors on the light of the last frame's texels that turn it to the normal of now. A mean of what neighbours had on their
-// own normals loses the relief of normal maps with each frame that moves, and the lobe knows what light on another one would be.
-vec3 turned(ivec2 px, Surface surface, Previous previous) {
-#if defined HAS_LIGHT && !defined STILL
+#if defined(HAS_LIGHT) && !defined(STILL)
+// Of the coarse texel around a pixel: where its light comes from, in the view spaces of this frame and of the last one.
+struct CoarseLight {
+    Lobe lobe, old_lobe;
+    vec3 normal, old_normal;
+    float view_depth;
+};
+
+CoarseLight coarse_light_at(ivec2 px) {
     ivec2 at = min(px / 2, size_light() - 1);
-    Surface coarse = load_coarse_surface(at);
-    if (abs(coarse.view_depth - surface.view_depth) < COARSE_REACH * surface.view_depth) {
-        Lobe lobe = load_light(at);
-        float here = lobe_share(lobe, coarse.normal, surface.normal);
-        mat3 before = mat3(frame.previous_view_from_view);
-        lobe.direction = before * lobe.direction;
-        vec3 normal = before * coarse.normal;
-        vec3 factors;
-        for (int i = 0; i < 3; ++i)
-            factors[i] = clamp(here / lobe_share(lobe, normal, previous.normals[i]), 0.5, 2.0);
-        return factors;
-    }
-#endif
-    return vec3(1.0);
+    Surface surface = load_coarse_surface(at);
+    Lobe lobe = load_light(at);
+    mat3 old = mat3(frame.previous_view_from_view);
+    return CoarseLight(lobe, Lobe(lobe.flux, old * lobe.direction, lobe.back), surface.normal, old * surface.normal,
+                       surface.view_depth);
 }
+
+#ifdef BLOCK
+// Four pixels have one coarse texel around them.
+CoarseLight block_light;
+void load_with_light(ivec2 first) {
+    block_light = coarse_light_at(first);
+#ifdef LOAD_BLOCK
+    LOAD_BLOCK(first);
+#endif
+}
+#undef LOAD_BLOCK
+#define LOAD_BLOCK load_with_light
+CoarseLight coarse_light(ivec2 px) { return block_light; }
+#else
+CoarseLight coarse_light(ivec2 px) { return coarse_light_at(px); }
+#endif
+
+// Difference in depth, relative, up to which the coarse texel may be of the pixel's own surface.
+const float COARSE_REACH = 0.05;
+
+// Factors on the light of the last frame's texels that turn it to the normal of now: a mean of what neighbours had on their
+// own normals would lose the relief of normal maps with each frame that moves.
+vec3 turned(ivec2 px, Surface surface, Previous previous) {
+    CoarseLight light = coarse_light(px);
+    float here = lobe_share(light.lobe, light.normal, surface.normal);
+    vec3 shares;
+    for (int i = 0; i < 3; ++i) shares[i] = lobe_share(light.old_lobe, light.old_normal, previous.normals[i]);
+    bool is_own = abs(light.view_depth - surface.view_depth) < COARSE_REACH * surface.view_depth;
+    return is_own ? clamp(here / shares, 0.5, 2.0) : vec3(1.0);
+}
+#else
+vec3 turned(ivec2 px, Surface surface, Previous previous) { return vec3(1.0); }
+#endif
 
 vec4 averaged_irradiance(ivec2 px, Surface surface, Previous previous) {
     vec3 current = load_upsample(px);
