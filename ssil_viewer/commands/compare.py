@@ -12,20 +12,21 @@ from typing import TYPE_CHECKING, Any, Callable
 from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 
 if TYPE_CHECKING:
     from ssil_viewer.reference.compare import Comparison
 
 FRAMES = 16
 USAGE = "[SCENE] [flags]"
-EPILOG = """\
+EPILOG = f"""\
 references:
   R1  the sum over all pixels, nothing in between: shows noise, rings and mipmaps
   R2  R1 with true visibility by rays (embreex): shows the error of --visibility
   R3  a path tracer (Mitsuba 3): shows what the screen cannot know
 
-R2 and R3 need what pip install 'ssil-viewer[reference]' brings; docs/compare.md explains the numbers."""
+R2 and R3 need packages: {pip_install("reference")}
+docs/compare.md explains the numbers."""
 
 
 def _references(text: str) -> tuple[str, ...]:
@@ -86,12 +87,13 @@ def run(args: argparse.Namespace) -> None:
 
         check_settings(settings)
 
-    from ssil_viewer.reference.compare import Effort, compare
+    from ssil_viewer.reference.compare import Effort, compare, require_some
     from ssil_viewer.reference.gpu_pictures import Scale
 
     scale = Scale(args.heat_map_range, args.heat_map_colors == "signed") if heat_map is not None else None
     effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time),
                     args.on_gpu or scale is not None, scale)
+    require_some(effort)
     scene = shared.load(args, [settings])
     camera = shared.camera_of(args, scene)
     with _progress() as heard:
