@@ -7,7 +7,7 @@ from typing import Callable
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS
+from ssil_viewer.buffers import BUFFERS, DISPLAY
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.framing import default_camera
@@ -63,7 +63,7 @@ def render_frames(renderer: Renderer, camera: Camera, frames: int,
 
 def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
     """All buffers of the last frame, and the picture; see `render`."""
-    return {**read_buffers(renderer), "display": read_display(renderer)}
+    return {**read_buffers(renderer), DISPLAY: read_display(renderer)}
 
 
 def read_buffers(renderer: Renderer) -> dict[str, np.ndarray]:
@@ -88,7 +88,4 @@ def read_buffers(renderer: Renderer) -> dict[str, np.ndarray]:
 
 def read_display(renderer: Renderer) -> np.ndarray:
     """The picture of the last frame: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
-    renderer.timers.disturb()
-    width, height = renderer.size
-    data = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
-    return np.ascontiguousarray(data[::-1, :, :3])
+    return renderer.read(DISPLAY)
