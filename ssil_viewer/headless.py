@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+from types import NoneType
 from typing import Callable
 
 import moderngl
 import numpy as np
 
 from ssil_viewer.buffers import BUFFERS, DISPLAY
+from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.framing import default_camera
-from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.scene.model import Camera, Scene, require_scene
 from ssil_viewer.settings import Settings
 
 DEFAULT_SIZE = (1280, 720)
@@ -36,8 +39,9 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
         Name -> array, row 0 = top: the buffers of `read_buffers`, and "display", (H, W, 3) uint8, sRGB-encoded.
 
     Raises:
-        UserError: No OpenGL, or a size or camera that cannot be rendered.
+        UserError: No OpenGL, a size or camera that cannot be rendered, or an argument of another type.
     """
+    _check_arguments(scene, settings, camera, frames)
     own = context is None
     context = context or create_headless_context()
     try:
@@ -51,6 +55,17 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
     finally:
         if own:
             context.release()
+
+
+def _check_arguments(scene: Scene, settings: Settings, camera: Camera | None, frames: int) -> None:
+    """Refuses what would fail later, or give pictures without a frame. Raises UserError."""
+    require_scene(scene)
+    if not isinstance(settings, Settings):
+        raise UserError(f"settings cannot be {settings!r}", "", "give Settings(name=value)")
+    if not isinstance(camera, (Camera, NoneType)):
+        raise UserError(f"camera cannot be {camera!r}", "", "give a Camera, such as one of scene.cameras")
+    if not isinstance(frames, Integral) or frames < 1:
+        raise UserError(f"frames cannot be {frames!r}", "", "give a whole number above 0")
 
 
 def render_frames(renderer: Renderer, camera: Camera, frames: int,
