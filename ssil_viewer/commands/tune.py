@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
         output.write_text(target, text)
         measuring.say_written(target)
     measuring.write_files(files, {"json": lambda: tables.to_json(report)})
-    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)], notes,
+    measuring.print_tables(tables.heading_lines(report), [tune.front_table(tried, chosen, args.ms)], notes,
                            to_stderr=args.json == "-")
     if chosen is None:
         raise tune.nothing_within(tried, args.ms)
