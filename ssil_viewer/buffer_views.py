@@ -5,10 +5,27 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS, Buffer, BufferInfo, find_buffer
+from ssil_viewer.buffers import BUFFERS, DISPLAY, Buffer, BufferInfo, find_buffer
+from ssil_viewer.errors import UserError
+from ssil_viewer.frame_plan import FramePlan
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.pass_runner import PassRunner
+
+
+def buffers_of(plan: FramePlan) -> dict[str, BufferInfo]:
+    """Those of `ssil_viewer.buffers.BUFFERS` that a frame has."""
+    found = {}
+    for name, buffer in BUFFERS.items():
+        target = buffer.pick(plan.running_targets)
+        if target is not None:
+            levels = plan.declared[target].levels(plan.settings)
+            extent = plan.declared[target].extent
+            if extent == "pyramid" and plan.settings.bounces == 0 and target not in plan.extended_targets:
+                levels = levels[:1]
+            if levels:
+                found[name] = BufferInfo(levels, buffer.meaning or plan.declared[target].meaning)
+    return found
 
 
 class BufferViews:
@@ -19,18 +36,7 @@ class BufferViews:
 
     def all(self) -> dict[str, BufferInfo]:
         """Those that exist under the settings in force."""
-        plan = self._runner.plan
-        found = {}
-        for name, buffer in BUFFERS.items():
-            target = buffer.pick(plan.running_targets)
-            if target is not None:
-                levels = plan.declared[target].levels(plan.settings)
-                extent = plan.declared[target].extent
-                if extent == "pyramid" and plan.settings.bounces == 0 and target not in plan.extended_targets:
-                    levels = levels[:1]
-                if levels:
-                    found[name] = BufferInfo(levels, buffer.meaning or plan.declared[target].meaning)
-        return found
+        return buffers_of(self._runner.plan)
 
     def draw(self, name: str, level: int) -> None:
         """Draw a buffer into `display`, within a frame; nothing if a setting has taken it away: the picture shows."""
@@ -46,8 +52,11 @@ class BufferViews:
 
     def read(self, name: str, level: int) -> np.ndarray:
         """Values of a buffer; see `Renderer.read`."""
+        runner = self._runner
+        if name == DISPLAY:
+            return self._read_display(level)
         find_buffer(self.all(), name, level)
-        runner, buffer = self._runner, BUFFERS[name]
+        buffer = BUFFERS[name]
         runner.timers.disturb()
         reads, defines, inputs = self._source(buffer, level)
         width, height = size = level_size(runner.size, level)
@@ -61,6 +70,14 @@ class BufferViews:
         finally:
             scratch.release()
         return np.ascontiguousarray(buffer.select(data.reshape(height, width, 4)[::-1]))
+
+    def _read_display(self, level: int) -> np.ndarray:
+        if level:
+            raise UserError(f"{DISPLAY!r} has no level {level}", "", "it has level 0 alone")
+        self._runner.timers.disturb()
+        texture = self._runner.targets.texture(DISPLAY)
+        data = np.frombuffer(texture.read(), np.uint8).reshape(texture.height, texture.width, 4)
+        return np.ascontiguousarray(data[::-1, :, :3])
 
     def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
         """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""

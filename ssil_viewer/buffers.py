@@ -98,19 +98,27 @@ BUFFERS: dict[str, Buffer] = {
 }
 
 
-def find_buffer(buffers: dict[str, BufferInfo], name: str, level: int) -> BufferInfo:
+DISPLAY = "display"
+"""The picture itself, which `read` takes for a name, too."""
+
+
+def find_buffer(buffers: dict[str, BufferInfo], name: str, level: int, where: str = "") -> BufferInfo:
     """Check a name and level.
+
+    Args:
+        where: The flag that they come from, for messages.
 
     Raises:
         UserError: There is no such buffer or level; says which there are.
     """
+    if name in BUFFERS and name not in buffers:
+        raise UserError(f"{name!r} is not made under these settings", where, "choose " + ", ".join(buffers))
     if name not in buffers:
         near = difflib.get_close_matches(name, buffers, 1)
-        hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(buffers)
-        reason = "is not made under these settings" if name in BUFFERS else "is not a buffer"
-        raise UserError(f"{name!r} {reason}", "--view", hint)
+        raise UserError(f"{name!r} is not a buffer", where,
+                        f"did you mean {near[0]}?" if near else "choose " + ", ".join(buffers))
     levels = buffers[name].levels
     if level not in levels:
-        raise UserError(f"{name!r} has no level {level}", "--view",
-                        f"it has levels {levels.start} to {levels.stop - 1}")
+        there = f"levels {levels.start} to {levels.stop - 1}" if len(levels) > 1 else f"level {levels.start} alone"
+        raise UserError(f"{name!r} has no level {level}", where, f"it has {there}")
     return buffers[name]

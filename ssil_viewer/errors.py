@@ -26,19 +26,30 @@ class UserError(Exception):
         super().__init__(", ".join(" ".join(part.split()) for part in (what, where, advice) if part))
 
 
-def pip_install(*packages: str) -> str:
-    """The command that adds packages to the Python that runs this program.
+def pip_install(extra: str) -> str:
+    """The command that adds an extra of this package to the Python that runs the program.
 
-    In a clone that is the Python below the working directory, to which no `pip` on the PATH belongs. Elsewhere it is
-    `python`: such hints also get into files, which should not tell where somebody's folders are.
+    In a clone that is the Python below the working directory, to which no `pip` on the PATH belongs, and the package
+    is the clone itself. Elsewhere they are `python` and the package's name: such hints also get into files, which
+    should not tell where somebody's folders are.
     """
     try:
         python = Path(sys.executable).relative_to(Path.cwd())
     except (ValueError, OSError):       # not below it; there is none any more
         python = Path("python")
-    words = [str(python) if len(python.parts) > 1 else "python", "-m", "pip", "install", *packages]
+    package = ["-e", f".[{extra}]"] if _in_clone() else [f"ssil-viewer[{extra}]"]
+    words = [str(python) if len(python.parts) > 1 else "python", "-m", "pip", "install", *package]
     if sys.platform == "win32":
         import subprocess  # nobody else who raises an error needs it
 
         return subprocess.list2cmdline(words)
     return shlex.join(words)
+
+
+def _in_clone() -> bool:
+    """Whether the program runs out of a clone that is the working directory."""
+    root = Path(__file__).resolve().parent.parent
+    try:
+        return root == Path.cwd() and (root / "pyproject.toml").is_file()
+    except OSError:
+        return False

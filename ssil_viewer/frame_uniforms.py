@@ -79,9 +79,12 @@ def make_view(camera: Camera, size: tuple[int, int], origin: np.ndarray, bounds:
         band: Pixels of the guard band, by which the matrices see more at each side.
 
     Raises:
-        UserError: Eye and target coincide, a number is not finite, or the field of view is not below 180 degrees.
+        UserError: Eye and target coincide, a vector has not three numbers, a number is not finite, or the field of
+            view is not below 180 degrees.
     """
     eye, target, up = (np.asarray(v, np.float64) for v in (camera.eye, camera.target, camera.up))
+    if not eye.shape == target.shape == up.shape == (3,):
+        raise UserError("the camera's eye, target and up are not three numbers each", "", "give x, y and z")
     if not (np.isfinite(eye).all() and np.isfinite(target).all() and np.isfinite(up).all()):
         raise UserError("the camera is not finite", "--eye, --target, --up", "give plain numbers")
     forward = target - eye

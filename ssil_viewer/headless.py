@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+from types import NoneType
 from typing import Callable
 
 import moderngl
 import numpy as np
 
-from ssil_viewer.buffers import BUFFERS
+from ssil_viewer.buffers import BUFFERS, DISPLAY
+from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.framing import default_camera
-from ssil_viewer.scene.model import Camera, Scene
+from ssil_viewer.scene.model import Camera, Scene, require_scene
 from ssil_viewer.settings import Settings
 
 DEFAULT_SIZE = (1280, 720)
@@ -36,8 +39,9 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
         Name -> array, row 0 = top: the buffers of `read_buffers`, and "display", (H, W, 3) uint8, sRGB-encoded.
 
     Raises:
-        UserError: No OpenGL, or a size or camera that cannot be rendered.
+        UserError: No OpenGL, a size or camera that cannot be rendered, or an argument of another type.
     """
+    _check_arguments(scene, settings, camera, frames)
     own = context is None
     context = context or create_headless_context()
     try:
@@ -53,6 +57,17 @@ def render(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Sett
             context.release()
 
 
+def _check_arguments(scene: Scene, settings: Settings, camera: Camera | None, frames: int) -> None:
+    """Refuses what would fail later, or give pictures without a frame. Raises UserError."""
+    require_scene(scene)
+    if not isinstance(settings, Settings):
+        raise UserError(f"settings cannot be {settings!r}", "", "give Settings(name=value)")
+    if not isinstance(camera, (Camera, NoneType)):
+        raise UserError(f"camera cannot be {camera!r}", "", "give a Camera, such as one of scene.cameras")
+    if not isinstance(frames, Integral) or frames < 1:
+        raise UserError(f"frames cannot be {frames!r}", "", "give a whole number above 0")
+
+
 def render_frames(renderer: Renderer, camera: Camera, frames: int,
                   progress: Callable[[int], None] = lambda done: None) -> None:
     """Render the same view several times; `progress` hears the number of frames done."""
@@ -63,7 +78,7 @@ def render_frames(renderer: Renderer, camera: Camera, frames: int,
 
 def read_all(renderer: Renderer) -> dict[str, np.ndarray]:
     """All buffers of the last frame, and the picture; see `render`."""
-    return {**read_buffers(renderer), "display": read_display(renderer)}
+    return {**read_buffers(renderer), DISPLAY: read_display(renderer)}
 
 
 def read_buffers(renderer: Renderer) -> dict[str, np.ndarray]:
@@ -88,7 +103,4 @@ def read_buffers(renderer: Renderer) -> dict[str, np.ndarray]:
 
 def read_display(renderer: Renderer) -> np.ndarray:
     """The picture of the last frame: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
-    renderer.timers.disturb()
-    width, height = renderer.size
-    data = np.frombuffer(renderer.display.read(), np.uint8).reshape(height, width, 4)
-    return np.ascontiguousarray(data[::-1, :, :3])
+    return renderer.read(DISPLAY)

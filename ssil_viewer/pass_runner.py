@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Callable, Iterable, Iterator, Literal, Sequence
@@ -33,6 +34,16 @@ from ssil_viewer.settings import Settings
 from ssil_viewer.stillness import Stillness
 
 
+def _whole_pixels(size: Sequence[int]) -> tuple[int, int]:
+    """Width and height, or UserError for what is not two whole numbers."""
+    try:
+        width, height = map(operator.index, size)
+    except (TypeError, ValueError):
+        raise UserError(f"a size of {size!r} is not possible", "",
+                        "give width and height in whole pixels, such as (1280, 720)") from None
+    return width, height
+
+
 def _timed_name(p: Pass, bounce: int) -> str:
     return p.name if bounce == 1 else f"{p.name} {bounce}"
 
@@ -62,6 +73,7 @@ class PassRunner:
     def __init__(self, context: moderngl.Context, passes: Sequence[Callable[[], Pass]], size: tuple[int, int],
                  settings: Settings, *, stage: Literal["auto", "compute", "fragment"] = "auto",
                  keep: Iterable[str] = (), timed: bool = True) -> None:
+        size = _whole_pixels(size)
         self.context = context
         self.capabilities = read_capabilities(context)
         if stage == "compute" and not self.capabilities.compute:
@@ -123,6 +135,7 @@ class PassRunner:
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the image size. Raises UserError when it does not fit; the old size stays then."""
+        size = _whole_pixels(size)
         if size == self.size:
             return
         self._replace_targets(self._allocate(size, self.plan))

@@ -386,10 +386,11 @@ class Renderer:
         self._view_name = None if name is None else (name, level)
 
     def read(self, name: str, level: int = 0) -> np.ndarray:
-        """Values of a buffer after `render`.
+        """Values of a buffer after `render`; of "display" the picture.
 
         Returns:
-            float32, (H, W, C) or (H, W), row 0 = top, decoded; ceil(size / 2^level), without the guard band.
+            float32, (H, W, C) or (H, W), row 0 = top, decoded; ceil(size / 2^level), without the guard band. Of the
+            picture (H, W, 3) uint8, sRGB-encoded, row 0 = top.
 
         Raises:
             UserError: There is no such buffer or level; the nearest name is suggested.

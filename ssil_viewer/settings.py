@@ -120,35 +120,49 @@ class KnobInfo:
             return 1 << round(math.log2(max(value, 1)))
         return low + round((value - low) / step) * step
 
-    def check(self, value: Any) -> Any:
+    def check(self, value: Any, where: str = "") -> Any:
         """The value in the setting's own type, or UserError when it does not fit.
 
         Numbers are never clamped: what the user asked for either happens or is refused.
+
+        Args:
+            where: The flag or file that it comes from, for messages; a program's own values come from neither.
         """
         if self.type is bool:
             if not isinstance(value, bool):
-                raise self._misfit(value, "true or false")
+                raise self._misfit(value, "true or false", where)
             return value
         if self.type is str:
             if value not in self.choices:
                 near = difflib.get_close_matches(str(value), self.choices, 1)
                 hint = f"did you mean {near[0]}?" if near else "choose " + ", ".join(self.choices)
-                raise UserError(f"{self.name} cannot be {str(value)!r}", self.flag, hint)
+                raise UserError(f"{self.name} cannot be {str(value)!r}", where, hint)
             return value
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:  # NaN
-            raise self._misfit(value, f"a number from {self.span}")
+            raise self._misfit(value, f"a number from {self.span}", where)
         if not self.knob.low <= value <= self.knob.high:
-            raise self._misfit(value, f"a value from {self.span}")
+            raise self._misfit(value, f"a value from {self.span}", where)
         if self.type is int and value != int(value):
-            raise self._misfit(value, "a whole number")
+            raise self._misfit(value, "a whole number", where)
         if self.type is int and (value - self.knob.low) % self.knob.step:
-            raise self._misfit(value, f"a multiple of {self.knob.step}")
+            raise self._misfit(value, f"a multiple of {self.knob.step}", where)
         if self.knob.powers and int(value) & (int(value) - 1):
-            raise self._misfit(value, "a power of two")
+            raise self._misfit(value, "a power of two", where)
         return self.type(value)
 
-    def _misfit(self, value: Any, wanted: str) -> UserError:
-        return UserError(f"{self.name} cannot be {value!r}", self.flag, f"give {wanted}")
+    def _misfit(self, value: Any, wanted: str, where: str) -> UserError:
+        advice = "write it without quotes" if self._fits_unquoted(value) else f"give {wanted}"
+        return UserError(f"{self.name} cannot be {value!r}", where, advice)
+
+    def _fits_unquoted(self, value: Any) -> bool:
+        """Whether a text spells a value that would fit."""
+        if not isinstance(value, str):
+            return False
+        try:
+            self.check({"true": True, "false": False}[value] if self.type is bool else float(value))
+        except (KeyError, ValueError, UserError):
+            return False
+        return True
 
 
 @dataclass(frozen=True)
@@ -156,7 +170,7 @@ class Settings:
     """The tunables of the renderer. Immutable: a change is a new object (`dataclasses.replace`).
 
     Raises:
-        UserError: A value is out of range, names its flag.
+        UserError: A value is out of range; names the setting.
     """
 
     start_level: Annotated[int, Knob(
@@ -313,19 +327,19 @@ class Settings:
 
         Args:
             values: Setting names and values; names with dashes are accepted.
-            source: File that the names come from, for messages.
+            source: File that names and values come from, for messages.
 
         Raises:
             UserError: An unknown name (the nearest is suggested) or a value out of range.
         """
-        known = {info.name for info in knobs()}
+        known = {info.name: info for info in knobs()}
         clean = {name.replace("-", "_"): value for name, value in values.items()}
         for name in clean:
             if name not in known:
                 near = difflib.get_close_matches(name, known, 1)
                 raise UserError(f"no setting is called {name!r}", source,
                                 f"did you mean {near[0]}?" if near else "see docs/settings.md")
-        return dataclasses.replace(self, **clean)
+        return dataclasses.replace(self, **{name: known[name].check(value, source) for name, value in clean.items()})
 
 
 def knobs() -> tuple[KnobInfo, ...]:

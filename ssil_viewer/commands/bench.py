@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
         report = bench.report()
     measuring.write_files(files, {"json": lambda: tables.to_json(report), "csv": lambda: tables.to_csv(report),
                                   "markdown": lambda: tables.to_markdown(report)})
-    measuring.print_tables(tables.heading(report), [tables.sums_table(report), *tables.pass_tables(report)],
+    measuring.print_tables(tables.heading_lines(report), [tables.sums_table(report), *tables.pass_tables(report)],
                            tables.notes(report), to_stderr=args.json == "-")
 
 
@@ -115,4 +115,4 @@ def _run_scaling(args: argparse.Namespace, files: measuring.Files) -> None:
     measuring.write_files(files, {
         "json": lambda: tables.to_json(report), "csv": lambda: tables.csv_text(scaling.csv_lines(report)),
         "markdown": lambda: tables.to_markdown(report, found, scaling.verdicts(report))})
-    measuring.print_tables(tables.heading(report), found, scaling.verdicts(report), to_stderr=args.json == "-")
+    measuring.print_tables(tables.heading_lines(report), found, scaling.verdicts(report), to_stderr=args.json == "-")

@@ -12,20 +12,21 @@ from typing import TYPE_CHECKING, Any, Callable
 from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
-from ssil_viewer.errors import UserError
+from ssil_viewer.errors import UserError, pip_install
 
 if TYPE_CHECKING:
     from ssil_viewer.reference.compare import Comparison
 
 FRAMES = 16
 USAGE = "[SCENE] [flags]"
-EPILOG = """\
+EPILOG = f"""\
 references:
   R1  the sum over all pixels, nothing in between: shows noise, rings and mipmaps
   R2  R1 with true visibility by rays (embreex): shows the error of --visibility
   R3  a path tracer (Mitsuba 3): shows what the screen cannot know
 
-R2 and R3 need what pip install 'ssil-viewer[reference]' brings; docs/compare.md explains the numbers."""
+R2 and R3 need packages: {pip_install("reference")}
+docs/compare.md explains the numbers."""
 
 
 def _references(text: str) -> tuple[str, ...]:
@@ -86,12 +87,13 @@ def run(args: argparse.Namespace) -> None:
 
         check_settings(settings)
 
-    from ssil_viewer.reference.compare import Effort, compare
+    from ssil_viewer.reference.compare import Effort, compare, require_some
     from ssil_viewer.reference.gpu_pictures import Scale
 
     scale = Scale(args.heat_map_range, args.heat_map_colors == "signed") if heat_map is not None else None
     effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time),
                     args.on_gpu or scale is not None, scale)
+    require_some(effort)
     scene = shared.load(args, [settings])
     camera = shared.camera_of(args, scene)
     with _progress() as heard:
@@ -188,11 +190,14 @@ def print_tables(done: Comparison) -> None:
         (str(x["bounces"]), _share(x["bias"]), _number(x["relative_rmse"]), _number(x["path_traced_relative_rmse"]))
         for x in result.get("bounces", [])])
     if methods := result.get("methods"):
-        table(f"methods; ms by {methods['clock']}, medians of {methods['timed_frames']} frames", _METHOD_HEAD,
-              _method_rows(methods["rows"]))
         equal = methods["equal_time"]
-        table(f"methods with the samples that take about the {equal['ms']:.3g} ms of {equal['to']}", _METHOD_HEAD,
-              _method_rows(equal["rows"]))
+        to = next(row["title"] for row in methods["rows"] if row["method"] == equal["to"])
+        table(f"methods; ms by {methods['clock']}, medians of {methods['timed_frames']} frames",
+              *_method_table(methods["rows"]))
+        table(f"methods at equal time: with the samples that take about the {equal['ms']:.3g} ms of {to}",
+              *_method_table(equal["rows"]))
+        for line in _method_notes(methods):
+            console.print(line, highlight=False)
     together: dict[float, list[str]] = {}       # R1 and R2 are made in one go
     for name, seconds in result["seconds"].items():
         together.setdefault(seconds, []).append(name)
@@ -215,15 +220,35 @@ _MEANINGS = {
 }
 
 
-_METHOD_HEAD = ("samples", "ms", "image", "FLIP", "R1", "R2", "R3_shown")
+_METHOD_COLUMNS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "samples": lambda row: str(row.get("samples", "-")),
+    "ms": lambda row: f"{row['ms']:.3g}",
+    "image": lambda row: _number((row["image"] or {}).get("relative_rmse")),
+    "FLIP": lambda row: _number((row["image"] or {}).get("flip")),
+    **{name: lambda row, name=name: _number(row["irradiance"].get(name, {}).get("relative_rmse"))
+       for name in ("R1", "R2", "R3_shown")},
+}
 
 
-def _method_rows(rows: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Errors are relative RMSE, of the image against R3 and of irradiance against each reference."""
-    return [(row["title"], str(row.get("samples", "-")), f"{row['ms']:.3g}",
-             *(_number((row["image"] or {}).get(key)) for key in ("relative_rmse", "flip")),
-             *(_number(row["irradiance"].get(name, {}).get("relative_rmse")) for name in ("R1", "R2", "R3_shown")))
-            for row in rows]
+def _method_table(rows: list[dict[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows, without columns that nothing stands in: those of references that were not made."""
+    columns = {name: [cell(row) for row in rows] for name, cell in _METHOD_COLUMNS.items()}
+    columns = {name: cells for name, cells in columns.items() if set(cells) - {"-"}}
+    return tuple(columns), list(zip((row["title"] for row in rows), *columns.values()))
+
+
+def _method_notes(methods: dict[str, Any]) -> list[str]:
+    """What the numbers are, and which methods have nothing left to be made faster by."""
+    head, _ = _method_table(methods["rows"])
+    references = [name for name in head if name.startswith("R")]
+    meanings = [f"{', '.join(references)}: relative RMSE of irradiance against the reference"] if references else []
+    meanings += ["image: the same of the picture against R3"] if "image" in head else []
+    found = ["; ".join(meanings) + ". Lower is better."]
+    for row in methods["equal_time"]["rows"]:
+        for work in ("samples", "slices"):
+            if row.get(work) == 1:
+                found.append(f"{row['title']} takes {row['ms']:.3g} ms with a single {work.removesuffix('s')} already.")
+    return found
 
 
 def _share(value: float | None) -> str:

@@ -124,8 +124,8 @@ def say_written(path: Path) -> None:
     print(f"wrote {path}", file=sys.stderr)
 
 
-def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: bool = False) -> None:
-    """Tables in the terminal; each has the title, which names renderer and clock."""
+def print_tables(heading: list[str], tables: list[Table], notes: list[str], to_stderr: bool = False) -> None:
+    """Tables in the terminal, below the heading, which names renderer and clock."""
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -134,16 +134,22 @@ def print_tables(title: str, tables: list[Table], notes: list[str], to_stderr: b
     console = Console(stderr=to_stderr)
     if not console.is_terminal:
         console = Console(stderr=to_stderr, width=_PIPE_WIDTH)     # a file has no edge to wrap at
+    for line in heading:
+        console.print(line, markup=False, highlight=False)
     for table in tables:
         # On a line of its own: a title within the table would be broken to the table's width
-        console.print(f"{title}: {table.title}", markup=False, highlight=False, soft_wrap=True)
-        shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+        console.print()
+        console.print(table.title, markup=False, highlight=False, soft_wrap=True)
+        shown = RichTable(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True)
         columns = list(zip(table.headers, *table.rows))
         for at, (cells, width) in enumerate(zip(columns, _widths(columns, console.width))):
             shown.add_column(cells[0], justify="right" if at else "left", overflow="fold", width=width)
         for row in table.rows:
             shown.add_row(*map(escape, row))
         console.print(shown)
+        if table.note:
+            console.print(table.note, markup=False, highlight=False)
+    console.print()
     for note in notes:
         console.print(note, markup=False, highlight=False)
 
@@ -155,7 +161,7 @@ def _widths(columns: list[tuple[str, ...]], room: int) -> list[int]:
     Lines are broken between words only, so that a number stays one.
     """
     whole = [max(map(len, cells)) for cells in columns]
-    room -= 2 * len(columns)    # between them
+    room -= 2 * (len(columns) - 1)      # between them
     if sum(whole) <= room:
         return whole
     most = max([1, *(len(cell.split()) for _, *cells in columns for cell in cells)])

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ssil_viewer import __version__, output
-from ssil_viewer.buffers import find_buffer
+from ssil_viewer.buffers import BUFFERS, find_buffer
 from ssil_viewer.commands import shared
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.model import Camera, Scene
-from ssil_viewer.settings import Settings
+from ssil_viewer.settings import Settings, knobs
 
 if TYPE_CHECKING:
     from ssil_viewer.pipeline import Renderer
@@ -74,13 +74,15 @@ def run(args: argparse.Namespace) -> None:
             renderer = Renderer(context, args.size, settings, keep=KEEP)
             try:
                 _check_memory(renderer)
-                view = _check_view(view, renderer) if view else None
-                if view and target.suffix.lower() == ".png":
-                    renderer.show_buffer(*view)
+                view = _check_view(view, renderer, args) if view else None
                 scene = shared.load(args, [settings])
                 tell_scene(scene)
                 camera = shared.camera_of(args, scene)
                 renderer.set_scene(scene)
+                if view:
+                    _check_view(view, renderer, args, scene)
+                if view and target.suffix.lower() == ".png":
+                    renderer.show_buffer(*view)
                 renderer.timers.waits |= args.timings
                 _render_frames(renderer, camera, frames - 1 if args.auto_exposure else frames)
                 exposed = ""
@@ -126,14 +128,50 @@ def _parse_view(text: str) -> tuple[str, int | None]:
     return name, int(level) if at else None
 
 
-def _check_view(view: tuple[str, int | None], renderer: Renderer) -> tuple[str, int]:
-    """The view with its level, the finest where none was asked for."""
-    buffers = renderer.buffers()
+def _check_view(view: tuple[str, int | None], renderer: Renderer, args: argparse.Namespace,
+                scene: Scene | None = None) -> tuple[str, int]:
+    """The view with its level, the finest where none was asked for.
+
+    Args:
+        scene: The renderer's, or None before it has one, which may take long: then the scene may have everything.
+
+    Raises:
+        UserError: The frame has no such buffer; says what makes it.
+    """
+    from ssil_viewer.buffer_advice import what_makes
+    from ssil_viewer.buffer_views import buffers_of
+    from ssil_viewer.passes.rays import RAYS
+    from ssil_viewer.passes.sky import ENVIRONMENT
+
+    plan = renderer.runner.plan
+    if scene is None:
+        brought = ENVIRONMENT if args.environment is not None else frozenset()
+        plan = dataclasses.replace(plan, features=plan.features | RAYS | brought)
+    buffers = buffers_of(plan)
     name, level = view
+    if name in BUFFERS and name not in buffers:
+        if changes := what_makes(name, plan, renderer.settings, scene):
+            raise UserError(f"{name!r} is not made under these settings", "--view", f"add {_flags(changes)}")
+        if scene is not None:
+            raise UserError(f"{name!r} is not made for this scene", "--view", "it has nothing that this would show")
     if level is None:
         level = buffers[name].levels.start if name in buffers else 0
-    find_buffer(buffers, name, level)
+    find_buffer(buffers, name, level, "--view")
     return name, level
+
+
+def _flags(changes: Mapping[str, Any]) -> str:
+    """Changes as of `what_makes`, as they are typed."""
+    flags = {info.name: info.flag for info in knobs()}
+    words = []
+    for name, value in changes.items():
+        if name == "environment":
+            words.append("--environment FILE")
+        elif isinstance(value, bool):
+            words.append(flags[name] if value else "--no-" + flags[name].removeprefix("--"))
+        else:
+            words.append(f"{flags[name]} {value}")
+    return " ".join(words)
 
 
 def _render_frames(renderer: Renderer, camera: Camera, frames: int) -> None:

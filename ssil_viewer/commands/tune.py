@@ -20,7 +20,7 @@ Tries start levels, levels and samples, measures the time of voxelization, indir
 each, and compares one frame of each, without the temporal filter, with the same method at full starting resolution with
 many samples. Visibility and all other settings are taken as given; --start-level, --levels or --samples fixes that one.
 
-  ssil-viewer tune scene.glb --ms 4 -o mine.toml
+  ssil-viewer tune scene.glb --ms 4 -o mine.toml      # software OpenGL needs more, such as --ms 100
   ssil-viewer scene.glb --settings mine.toml"""
 
 _NOTES = ["Errors are against this method at its best, in one frame without the temporal filter: not against real "
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
         output.write_text(target, text)
         measuring.say_written(target)
     measuring.write_files(files, {"json": lambda: tables.to_json(report)})
-    measuring.print_tables(tables.heading(report), [tune.front_table(tried, chosen, args.ms)], notes,
+    measuring.print_tables(tables.heading_lines(report), [tune.front_table(tried, chosen, args.ms)], notes,
                            to_stderr=args.json == "-")
     if chosen is None:
         raise tune.nothing_within(tried, args.ms)
@@ -82,5 +82,5 @@ def _preset(report: dict[str, Any], chosen: Candidate) -> str:
 def _budget(text: str) -> float:
     value = values.number(text)
     if value is None or not 0.0 < value <= 1e6:
-        raise UserError(f"cannot use {text!r} as a time", "--ms", "give milliseconds, such as 4")
+        raise UserError(f"cannot use {text!r} as a time", "--ms", "give milliseconds above 0, such as 4")
     return float(value)

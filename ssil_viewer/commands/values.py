@@ -35,13 +35,13 @@ def knob_value(info: KnobInfo) -> Callable[[str], Any]:
 
     def read(text: str) -> Any:
         if info.type is str:
-            return info.check(text)
+            return info.check(text, info.flag)
         value = number(text)
         if value is None:
             wanted = "a whole number" if info.type is int else "a number"
             span = f"{wanted} from {info.span}"
             raise UserError(f"{info.name} cannot be {text!r}", info.flag, f"give {span}")
-        return info.check(value)
+        return info.check(value, info.flag)
 
     return read
 

@@ -17,7 +17,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.memory import allocating, require_memory
 from ssil_viewer.gpu.solid_order import SolidOrder, solid_order
-from ssil_viewer.scene.model import Material, Scene, TextureRef
+from ssil_viewer.scene.model import Material, Scene, TextureRef, require_scene
 
 OBJECTS_PER_ROW = 128   # shaders/lib/scene.glsl
 OBJECT_TEXELS = 6
@@ -84,10 +84,11 @@ class GpuScene:
         solids: Opaque triangles sorted by `sort_solids`, None before; `solid_buffer` has their indices.
 
     Raises:
-        UserError: The scene is too large for OpenGL or for memory; nothing is allocated then.
+        UserError: It is no scene, or too large for OpenGL or for memory; nothing is allocated then.
     """
 
     def __init__(self, context: moderngl.Context, scene: Scene, software: bool = False) -> None:
+        require_scene(scene)
         _check_size(context, scene)
         self._context = context
         self._scene = scene

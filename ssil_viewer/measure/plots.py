@@ -18,7 +18,7 @@ def require() -> None:
     """Raises UserError where matplotlib is missing: before anything is measured."""
     if importlib.util.find_spec("matplotlib") is None:
         raise UserError("plots need matplotlib", "--plots",
-                        "install it: " + pip_install("ssil-viewer[plots]"))
+                        "install it: " + pip_install("plots"))
 
 
 def write(path: Path, report: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Iterable, Sequence
 from ssil_viewer.measure.bench import ROW_NAMES, TALK_ROWS
 from ssil_viewer.settings import Settings
 
+_FLOOR = "The floor of a pass is the time to read its inputs and write its outputs once, as fast as a copy."
 _PER_TABLE = len(TALK_ROWS)     # rows of the benchmark side by side in a table of passes
 
 
@@ -21,30 +22,43 @@ class Table:
     Attributes:
         title: What it shows.
         headers, rows: Cells of the first line and of the others. The first column holds names, the others numbers.
+        note: Stands below it.
     """
 
     title: str
     headers: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    note: str = ""
 
 
 def heading(report: dict[str, Any]) -> str:
-    """Where and how it was measured; stands above every table."""
+    """Where and how it was measured; stands above every table of a file, since they may be taken out one by one."""
+    return f"{_place(report)}, {report['clock']}"
+
+
+def heading_lines(report: dict[str, Any]) -> list[str]:
+    """The same for a terminal, once ahead of all tables."""
+    return [_place(report), f"Times are by {report['clock']}."]
+
+
+def _place(report: dict[str, Any]) -> str:
     width, height = report["size"]
-    return f"{report['scene']}, {width}x{height}, {report['renderer']}, {report['clock']}"
+    return f"{report['scene']}, {width}x{height}, {report['renderer']}"
 
 
 def sums_table(report: dict[str, Any]) -> Table:
     """One line for each row of the benchmark: the talk's columns, and the whole frame."""
     names = _shown_settings(report)
-    headers = (row_header(report), "voxelization", "indirect", "upsampling & compositing", "total", "frame",
+    headers = (row_header(report), "voxelization", "indirect", "upsampling & compositing", "total", "copies", "frame",
                "p10 .. p90", "MB")
     rows = []
     for row in report["rows"]:
-        numbers = [milliseconds(row[name]) for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms",
-                                               "total_ms", "frame_wall_ms")]
-        spread = f"{milliseconds(row['frame_p10_ms'])} .. {milliseconds(row['frame_p90_ms'])}"
-        rows.append((_row_title(row, names), *numbers, spread, f"{row['target_bytes'] / 1e6:.1f}"))
+        sums = [milliseconds(row[name])
+                for name in ("voxelization_ms", "indirect_ms", "upsampling_compositing_ms", "total_ms")]
+        spread = f"{_short(row['frame_p10_ms'])} .. {_short(row['frame_p90_ms'])}"
+        megabytes = row["target_bytes"] / 1e6
+        rows.append((_row_title(row, names), *sums, _short(row["total_copies"]), milliseconds(row["frame_wall_ms"]),
+                     spread, f"{megabytes:.1f}" if megabytes < 9.95 else f"{megabytes:.0f}"))
     frames = f"{report['frames']} frame{'s' if report['frames'] > 1 else ''}"
     return Table(f"ms, median of {frames}", headers, tuple(rows))
 
@@ -62,20 +76,17 @@ def pass_tables(report: dict[str, Any]) -> list[Table]:
         part = rows[first:first + _PER_TABLE]
         passes = list(dict.fromkeys(name for row in part for name in row["passes"]))
         lines = [(name, *(_pass_cell(row["passes"].get(name)) for row in part)) for name in passes]
+        last = first + _PER_TABLE >= len(rows)
         tables.append(Table("ms, median (times the floor)", ("pass", *(_row_title(row, names) for row in part)),
-                            tuple(lines)))
+                            tuple(lines), _FLOOR if last else ""))
     return tables
 
 
 def notes(report: dict[str, Any]) -> list[str]:
     """What a reader should know beside the numbers."""
     copy = report["copy"]
-    found = [f"Times are by {report['clock']}.",
-             "Floor: declared inputs and outputs once each at the speed of a copy, "
-             f"{copy['bytes_per_second'] / 1e9:.3g} GB/s ({copy['median_ms']:.3g} ms for "
-             f"{copy['bytes'] / 1e6:.3g} MB).",
-             "Totals in such copies, row by row: "
-             + ", ".join(f"{row['total_copies']:.3g}" for row in report["rows"]) + "."]
+    found = [f"copies: the total in copies of an image of this size, {milliseconds(copy['median_ms'])} ms each here "
+             f"({copy['bytes_per_second'] / 1e9:.3g} GB/s)."]
     apart = sum(not row["adds_up"] for row in report["rows"])
     if apart:
         found.append(f"In {apart} row{'s' if apart > 1 else ''} the passes do not add up to the frame within 10 %: "
@@ -155,7 +166,13 @@ def milliseconds(value: float) -> str:
     return f"{value:.3f}" if abs(value) < 1 else f"{value:.2f}" if abs(value) < 100 else f"{value:.0f}"
 
 
+def _short(value: float) -> str:
+    """Three digits, or as many as stand before the point: nine columns are to fit into a terminal."""
+    return f"{value:#.3g}" if abs(value) < 99.95 else f"{value:.0f}"
+
+
 def _markdown_table(table: Table, report: dict[str, Any]) -> str:
     rule = ["---", *["---:"] * (len(table.headers) - 1)]
     lines = [" | ".join(cells) for cells in (table.headers, rule, *table.rows)]
-    return "\n".join([f"{heading(report)}: {table.title}", "", *(f"| {line} |" for line in lines), ""])
+    below = [table.note, ""] if table.note else []
+    return "\n".join([f"{heading(report)}: {table.title}", "", *(f"| {line} |" for line in lines), "", *below])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass, field
-from typing import Any, Callable
+from typing import TYPE_CHECKING, Any, Callable
 
 import moderngl
 import numpy as np
 
-from ssil_viewer.errors import pip_install
+from ssil_viewer.errors import UserError, pip_install
 from ssil_viewer.gpu.context import create_headless_context
 from ssil_viewer.gpu.light_table import look_along
 from ssil_viewer.headless import DEFAULT_SIZE, render_frames
@@ -20,13 +20,16 @@ from ssil_viewer.reference.all_pixels import Senders, Surfaces, irradiance, rand
 from ssil_viewer.reference.gpu_pictures import Scale
 from ssil_viewer.reference.mitsuba_export import Description, camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask, IrradianceTask
-from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace
+from ssil_viewer.reference.path_traced import ReferenceFailure, path_trace, working_variant
 from ssil_viewer.reference.shown import ShownSurfaces
 from ssil_viewer.reference.whole_image import sum_whole_image
 from ssil_viewer.scene.framing import default_camera
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.scene.triangles import LIFT
 from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.reference.occluders import Occluders
 
 REFERENCES = ("R1", "R2", "R3")
 BLOCK = 8
@@ -140,8 +143,10 @@ def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Set
         trace: What traces paths for R3.
 
     Raises:
-        UserError: No OpenGL, or a size or camera that cannot be rendered.
+        UserError: No OpenGL, a size or camera that cannot be rendered, or no reference that can be made.
     """
+    if trace is path_trace:
+        require_some(effort)
     own = context is None
     context = context or create_headless_context()
     try:
@@ -150,6 +155,36 @@ def compare(scene: Scene, *, size: tuple[int, int] = DEFAULT_SIZE, settings: Set
     finally:
         if own:
             context.release()
+
+
+def require_some(effort: Effort) -> None:
+    """Refuses, before anything is rendered, what would end without any reference.
+
+    Raises:
+        UserError: None of those asked for can be made here; says why, and what helps.
+    """
+    reasons = []
+    for name in effort.references:
+        try:
+            if name == "R2" and not effort.on_gpu:
+                _import_occluders()
+            elif name == "R3":
+                working_variant()
+        except ReferenceFailure as failure:
+            reasons.append(f"{name} cannot be made: {failure}")
+        else:
+            return      # and Mitsuba, which takes seconds to try, has not been
+    if reasons:
+        raise UserError("; ".join(reasons))
+
+
+def _import_occluders() -> type[Occluders]:
+    """The class, or ReferenceFailure without Embree."""
+    try:
+        from ssil_viewer.reference.occluders import Occluders
+    except ImportError as error:
+        raise ReferenceFailure(f"embreex is not installed: {pip_install('reference')}, or take --on-gpu") from error
+    return Occluders
 
 
 class _Comparing:
@@ -287,14 +322,12 @@ class _Comparing:
         return {name: image[self._rows, self._columns].mean((1, 2), dtype=np.float64)
                 for name, image in whole.references.items()}
 
-    def _occluders(self):
+    def _occluders(self) -> Occluders | None:
         try:
-            from ssil_viewer.reference.occluders import Occluders
-        except ImportError:
-            self._done.warnings.append("R2 is left out: embreex is not installed: "
-                                       f"{pip_install('ssil-viewer[reference]')}, or take --on-gpu")
+            return _import_occluders()(self._scene, self._camera)
+        except ReferenceFailure as failure:
+            self._done.warnings.append(f"R2 is left out: {failure}")
             return None
-        return Occluders(self._scene, self._camera)
 
     # -- R3 ------------------------------------------------------------------------------------------------------------
 
@@ -372,7 +405,7 @@ class _Comparing:
             result["image_noise"]["flip"] = metrics.flip(*halves)
         else:
             self._done.warnings.append(
-                "flip is left out: flip-evaluator is not installed: " + pip_install("ssil-viewer[reference]"))
+                "flip is left out: flip-evaluator is not installed: " + pip_install("reference"))
         self._done.pictures |= {name: np.asarray(image, np.float32) for name, image in (*images.items(), ("R3", truth))}
 
     # -- what the error consists of ------------------------------------------------------------------------------------

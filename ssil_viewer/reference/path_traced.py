@@ -43,7 +43,7 @@ def working_variant() -> str:
         ReferenceFailure: None does, or Mitsuba is missing.
     """
     if not has_mitsuba():
-        raise ReferenceFailure("Mitsuba is not installed: " + pip_install("ssil-viewer[reference]"))
+        raise ReferenceFailure("Mitsuba is not installed: " + pip_install("reference"))
     reason = ""
     for variant in VARIANTS:
         try:

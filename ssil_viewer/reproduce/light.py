@@ -100,7 +100,7 @@ def _mean_light(studio: Studio, bounces: int) -> float:
 def _against_all_light(lab: Lab, plain: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
     """The path tracer's series, and why there is none."""
     if not has_mitsuba():
-        how = pip_install("ssil-viewer[reference]")
+        how = pip_install("reference")
         return [], [f"The error against all light is left out: it takes Mitsuba ({how})."]
     studio = lab.studio
     size = tuple(max(8, side // 2) for side in studio.size)

@@ -126,7 +126,7 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
         "<main>", _summary(results), "<h3>Machine and settings</h3>", _list(head.items())]
     if not drawn and any(result.finding.charts for result in results):
         parts.append('<p class="soft">This report has no plots: they take matplotlib: '
-                     f"<code>{escape(pip_install('ssil-viewer[plots]'))}</code></p>")
+                     f"<code>{escape(pip_install('plots'))}</code></p>")
     quick = " --quick" if str(head.get("effort", "")).startswith("quick") else ""
     parts += [_section(result, pictures, drawn, quick) for result in results]
     parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file '

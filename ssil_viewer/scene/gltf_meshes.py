@@ -225,7 +225,7 @@ class MeshReader:
                 raise UserError(
                     "the geometry is compressed with Draco, whose decoder is not installed",
                     str(self._document.path),
-                    "install it: " + pip_install("ssil-viewer[draco]"),
+                    "install it: " + pip_install("draco"),
                 ) from error
             self._warnings.add("Draco is not installed (package DracoPy): uncompressed data are used", name)
         except Malformed as problem:

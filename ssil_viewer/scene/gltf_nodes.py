@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ssil_viewer.errors import UserError
 from ssil_viewer.scene.files import Malformed
 from ssil_viewer.scene.gltf_accessors import read_accessor
 from ssil_viewer.scene.gltf_document import (
@@ -310,7 +311,7 @@ def read_lights(document: Document, nodes: list[PlacedNode]) -> tuple[Light, ...
             reference = extension(node.json, "KHR_lights_punctual")
             if reference is not None:
                 lights.append(_light(document, node, index_at(reference, "light")))
-        except Malformed as problem:
+        except (Malformed, UserError) as problem:   # the second is raised by the light itself
             document.warnings.add("a light was skipped", f"{node.name}: {problem}")
     return tuple(lights)
 

@@ -13,15 +13,14 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import typing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.scene.model import Light, LightKind, Scene
+from ssil_viewer.scene.light_values import VECTORS, check_cones, check_kind, check_value, nearest
+from ssil_viewer.scene.model import Light, Scene
 from ssil_viewer.toml_file import read_toml
 
 _COMMON = ("kind", "name", "color", "intensity", "cast_shadow")
@@ -36,7 +35,6 @@ KEYS: dict[str, tuple[str, ...]] = {
 }
 """What each kind can be given."""
 
-_POSITIVE = ("range", "width", "height", "radius")
 _LARGEST = 1e12
 _WHAT = "the lights file"
 
@@ -77,46 +75,38 @@ def with_lights(scene: Scene, path: str | Path) -> Scene:
 
 
 def _light(table: dict[str, Any], where: str) -> Light:
-    kinds = typing.get_args(LightKind)
-    kind = table.get("kind")
-    if kind not in kinds:
-        problem = f"the kind of light {kind!r} is not known" if "kind" in table else "the kind of light is missing"
-        raise UserError(problem, where, _nearest(str(kind), kinds))
+    if "kind" not in table:
+        raise UserError("the kind of light is missing", where, "choose " + ", ".join(KEYS))
+    check_kind(kind := table["kind"], where)
     for key in table:
         if key not in KEYS[kind]:
             everywhere = {name for names in KEYS.values() for name in names}
             if key in everywhere:
                 raise UserError(f"{key!r} means nothing for a {kind} light", where, f"it takes {', '.join(KEYS[kind])}")
-            raise UserError(f"no property of a light is called {key!r}", where, _nearest(key, KEYS[kind]))
+            raise UserError(f"no property of a light is called {key!r}", where, nearest(key, KEYS[kind]))
     values = {key: _value(key, table[key], where) for key in table}
-    outer, inner = values.get("outer_cone", math.radians(45.0)), values.get("inner_cone", 0.0)
-    if not inner < outer <= math.pi / 2:
-        raise UserError("the cones do not fit", where, "inner_cone must be less than outer_cone, and that at most 90")
+    check_cones(values.get("inner_cone", 0.0), values.get("outer_cone", math.radians(45.0)), where, "90")
     return Light(**{"name": f"{kind} {where.rpartition(' ')[2]}", **values})
 
 
 def _value(key: str, value: Any, where: str) -> Any:
     """A value in the type that `Light` has it in."""
-    if key in ("kind", "name"):
-        if not isinstance(value, str):
-            raise UserError(f"{key} cannot be {value!r}", where, "give text in quotes")
+    if key == "kind":
         return value
-    if key == "cast_shadow":
-        if not isinstance(value, bool):
-            raise UserError(f"{key} cannot be {value!r}", where, "give true or false")
-        return value
-    if key in ("position", "direction", "up", "color"):
+    check_value(key, value, where)
+    if key in VECTORS:
         return _triple(key, value, where)
-    if not _is_number(value) or value < 0.0 or (key in _POSITIVE and value == 0.0):
-        raise UserError(f"{key} cannot be {value!r}", where,
-                        f"give a number {'above' if key in _POSITIVE else 'not below'} 0")
+    if key in ("name", "cast_shadow"):
+        return value
+    if value > _LARGEST:
+        raise UserError(f"{key} cannot be {value!r}", where, f"give a number up to {_LARGEST:g}")
     return math.radians(value) if key in ("inner_cone", "outer_cone") else float(value)
 
 
-def _triple(key: str, value: Any, where: str) -> tuple[float, float, float]:
-    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(part) for part in value):
-        raise UserError(f"{key} cannot be {value!r}", where, "give three numbers, such as [0, 1, 0]")
-    x, y, z = (float(part) for part in value)
+def _triple(key: str, value: list[float], where: str) -> tuple[float, float, float]:
+    if not all(abs(part) <= _LARGEST for part in value):
+        raise UserError(f"{key} cannot be {value!r}", where, f"give three numbers up to {_LARGEST:g}")
+    x, y, z = map(float, value)
     if key == "color" and min(x, y, z) < 0.0:
         raise UserError(f"{key} cannot be {value!r}", where, "give numbers not below 0")
     if key in ("direction", "up"):
@@ -127,16 +117,7 @@ def _triple(key: str, value: Any, where: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
-
-
 def _check_names(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in known:
-            raise UserError(f"no key of a lights file is called {key!r}", where, _nearest(key, known))
-
-
-def _nearest(name: str, known: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(name, known, 1, 0.5)
-    return f"did you mean {near[0]}?" if near else "choose " + ", ".join(known)
+            raise UserError(f"no key of a lights file is called {key!r}", where, nearest(key, known))

@@ -13,11 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
+from ssil_viewer.scene.light_values import NUMBERS, VECTORS, LightKind, check_cones, check_kind, check_value
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 AlphaMode = Literal["opaque", "mask", "blend"]
-LightKind = Literal["directional", "point", "spot", "rectangle", "disc", "sphere"]
 AREA_KINDS: tuple[LightKind, ...] = ("rectangle", "disc", "sphere")
 
 
@@ -155,11 +156,14 @@ class Light:
         direction: World space unit vector along which the light travels. Rectangles and discs emit to this side only;
             ignored for point lights and spheres.
         range: Metres beyond which the light is cut smoothly as glTF recommends; inf for no limit. Point and spot only.
-        inner_cone, outer_cone: Half angles in radians, 0 <= inner < outer <= pi/2; spots only.
+        inner_cone, outer_cone: Half angles in radians, 0 <= inner <= outer <= pi/2; spots only.
         cast_shadow: False lets it shine through geometry.
         width, height: Sides of a rectangle in metres; `height` goes along `up`.
         radius: Of a disc or sphere, metres.
         up: World space; its part across `direction` is where a rectangle's height goes. Need not be a unit vector.
+
+    Raises:
+        UserError: A kind that there is not (the nearest is named), or a value of another type or out of range.
     """
 
     kind: LightKind
@@ -176,6 +180,17 @@ class Light:
     height: float = 1.0
     radius: float = 0.5
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check_kind(self.kind)
+        where = f"{self.kind} light {self.name}".rstrip()
+        for key in ("name", "cast_shadow", *NUMBERS, *VECTORS):
+            check_value(key, getattr(self, key), where)
+        if self.kind == "spot":
+            check_cones(self.inner_cone, self.outer_cone, where)
+        for key in VECTORS:
+            if not isinstance(value := getattr(self, key), tuple):      # lists and arrays do not compare as lights must
+                object.__setattr__(self, key, tuple(float(part) for part in value))
 
     @property
     def is_area(self) -> bool:
@@ -199,6 +214,12 @@ class Camera:
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     vertical_fov: float = 1.0471975511965976
     near: float | None = None
+
+
+def require_scene(scene: object) -> None:
+    """Raises UserError for what is no scene, such as a name."""
+    if not isinstance(scene, Scene):
+        raise UserError(f"{scene!r} is not a scene", "", "load_scene makes one of a file or of builtin:NAME")
 
 
 def box_corners(box: np.ndarray) -> np.ndarray:

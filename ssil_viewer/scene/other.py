@@ -78,13 +78,13 @@ def _read(path: Path, extension: str) -> Any:
                     raise UserError("the archive unpacks to more than 2 GiB", str(path))
         return trimesh.load_scene(path, process=False)
     except (ImportError, NotImplementedError) as error:
-        advice = "install it: " + pip_install("ssil-viewer[formats]") if extension in _OF_EXTRA else str(error)
+        advice = "install it: " + pip_install("formats") if extension in _OF_EXTRA else str(error)
         raise UserError("a package that reads this format is not installed", str(path), advice) from error
     except (UserError, MemoryError):
         raise
     except Exception as error:  # the readers raise whatever a broken file provokes
         if extension in _OF_EXTRA and "not supported" in str(error):
-            advice = "if it is intact, a package is missing: " + pip_install("ssil-viewer[formats]")
+            advice = "if it is intact, a package is missing: " + pip_install("formats")
         else:
             advice = f"the reader says: {str(error)[:120] or type(error).__name__}"
         raise UserError("the file is broken", str(path), advice) from error

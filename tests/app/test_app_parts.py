@@ -58,7 +58,7 @@ def test_an_edit_gives_new_settings_and_a_bad_one_the_old_and_a_reason():
     after, problem = settings_panel.edited(before, KNOBS["samples"], 128)
     assert (after.samples, before.samples, problem) == (128, 64, "")
     same, problem = settings_panel.edited(before, KNOBS["samples"], 5000)
-    assert same is before and "--samples" in problem and "1024" in problem
+    assert same is before and problem == "samples cannot be 5000, give a value from 1 to 1024"
 
 
 @pytest.mark.parametrize("name", KNOBS)
@@ -104,6 +104,13 @@ def test_other_files_are_refused_as_pictures(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(UserError):
         saved_view.load_picture(path)
+
+
+def test_a_bad_setting_in_a_picture_names_the_picture(monkeypatch):
+    stored = {"settings": {"samples": 0}, "camera": dataclasses.asdict(Camera())}
+    monkeypatch.setattr(saved_view.output, "read_metadata", lambda path: stored)
+    with pytest.raises(UserError, match="^samples cannot be 0, x.png, give a value from 1 to 1024$"):
+        saved_view.load_picture(Path("x.png"))
 
 
 @pytest.mark.parametrize("wrong", [

@@ -183,7 +183,7 @@ def test_a_typed_value_out_of_range_is_refused_with_a_message(places, viewer):
     for key in ("5", "0", "0", "0", "Return"):
         xdotool(viewer, "key", key)
     assert viewer.state.settings.samples == SETTINGS.samples
-    assert any("--samples" in toast.text and toast.kind == "error" for toast in viewer.state.toasts)
+    assert any("samples cannot be 5000" in toast.text and toast.kind == "error" for toast in viewer.state.toasts)
 
 
 def test_keys_choose_the_light_that_is_shown(viewer):

@@ -11,7 +11,7 @@ import pytest
 
 from ssil_viewer import cli
 from ssil_viewer.reference import metrics, path_traced
-from ssil_viewer.reference.compare import BLOCK, Blocks, Effort, compare
+from ssil_viewer.reference.compare import BLOCK, Blocks, Effort, compare, require_some
 from ssil_viewer.reference.mitsuba_export import camera_description, describe
 from ssil_viewer.reference.mitsuba_job import ImageTask
 from ssil_viewer.reference.path_traced import ReferenceFailure
@@ -149,7 +149,7 @@ def test_without_mitsuba_the_others_are_made(context, monkeypatch):
     path_traced.working_variant.cache_clear()
     assert done.result["irradiance"].keys() == {"R1", "R2"}
     assert done.result["image"] == {}
-    assert any("R3 is left out" in line and "ssil-viewer[reference]" in line for line in done.warnings)
+    assert any("R3 is left out" in line and "[reference]" in line for line in done.warnings)
 
 
 def test_without_embree_the_others_are_made(context, monkeypatch):
@@ -161,6 +161,33 @@ def test_without_embree_the_others_are_made(context, monkeypatch):
                    effort=replace(EFFORT, references=("R1", "R2")), context=context)
     assert done.result["irradiance"].keys() == {"R1"}
     assert any("R2 is left out" in line and "embreex" in line for line in done.warnings)
+
+
+@pytest.mark.parametrize("words, missing, said", [
+    (("R3",), "mitsuba", "R3 cannot be made: Mitsuba is not installed: "),
+    (("R2",), "embreex", "R2 cannot be made: embreex is not installed: "),
+    (("R2,R3",), "embreex mitsuba", "; R3 cannot be made: Mitsuba is not installed: ")])
+def test_where_nothing_can_be_made_the_command_says_so_at_once(capsys, monkeypatch, words, missing, said):
+    """It rendered, and ended with a heading and exit status 0."""
+    if "mitsuba" in missing:
+        monkeypatch.setattr(path_traced, "has_mitsuba", lambda: False)
+    if "embreex" in missing:
+        monkeypatch.delitem(sys.modules, "ssil_viewer.reference.occluders", raising=False)
+        monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    path_traced.working_variant.cache_clear()
+    monkeypatch.setattr("ssil_viewer.scene.load_scene", lambda *_, **__: pytest.fail("it loads the scene"))
+    assert cli.main(["compare", "builtin:cornell", "--size", "160x90", "--reference", *words]) == 2
+    path_traced.working_variant.cache_clear()
+    shown, error = capsys.readouterr()
+    assert said in error and "[reference]" in error and error.count("\n") == 1 and not shown
+
+
+def test_what_no_package_is_needed_for_is_not_refused(monkeypatch):
+    monkeypatch.setattr("ssil_viewer.reference.compare.working_variant",
+                        lambda: pytest.fail("it tries Mitsuba, which takes seconds"))
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    require_some(Effort(references=("R1", "R3")))
+    require_some(Effort(references=("R2", "R3"), on_gpu=True))
 
 
 def test_a_process_that_dies_is_told_of(monkeypatch):

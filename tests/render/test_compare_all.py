@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ssil_viewer import cli
+from ssil_viewer.commands import compare as command
 from ssil_viewer.errors import UserError
 from ssil_viewer.headless import render_frames
 from ssil_viewer.passes import FRAME
@@ -145,9 +146,27 @@ def test_the_command(capsys, tmp_path, monkeypatch):
     path_traced.working_variant.cache_clear()
     said = capsys.readouterr()
     assert "R3 is left out" in said.err
-    assert all(title in said.out for title in ("constant", "GTAO", "one level, off", "SSIL, voxel", "ssil_horizon"))
+    assert all(title in said.out for title in ("constant", "GTAO", "one level, off", "SSIL, voxel"))
+    assert " ms of SSIL, horizon\n" in said.out and "ssil_" not in said.out
+    assert "R1: relative RMSE of irradiance against the reference. Lower is better.\n" in said.out
+    heads = [line for line in said.out.splitlines() if "samples" in line and " ms " in line and "┃" in line]
+    assert [line.replace("┃", " ").split() for line in heads] == [["samples", "ms", "R1"]] * 2
     assert [row["method"] for row in json.loads(target.read_text())["methods"]["rows"]] == METHODS
     assert set(METHODS) <= set(np.load(pictures).files)
+
+
+def test_columns_and_notes_tell_what_there_is():
+    def row(method, samples, ms, image, **irradiance):
+        return {"method": method, "title": f"<{method}>", "samples": samples, "ms": ms,
+                "image": image and {"relative_rmse": image, "flip": None},
+                "irradiance": {name: {"relative_rmse": value} for name, value in irradiance.items()}}
+
+    rows = [row("a", 64, 2.0, 0.25, R2=0.5), row("b", 1, 9.0, 0.5, R2=None)]
+    assert command._method_table(rows) == (("samples", "ms", "image", "R2"), [
+        ("<a>", "64", "2", "0.250", "0.500"), ("<b>", "1", "9", "0.500", "-")])
+    assert command._method_notes({"rows": rows, "equal_time": {"rows": rows}}) == [
+        "R2: relative RMSE of irradiance against the reference; image: the same of the picture against R3. Lower is "
+        "better.", "<b> takes 9 ms with a single sample already."]
 
 
 @pytest.mark.parametrize("more", [("--bounces", "2"), ("--feedback",), ("--bounces", "0")])

@@ -143,6 +143,25 @@ def test_views_that_do_not_exist(tmp_path, view, shown):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("words, advice", [
+    (["voxel_slice"], "add --visibility voxel"), (["bounce_2", "--feedback"], "add --bounces 2 --no-feedback"),
+    (["history_length", "--no-temporal"], "add --temporal"), (["sky"], "add --environment FILE"),
+    (["glossy"], "it has nothing that this would show")])
+def test_views_that_are_not_made_say_what_makes_them(tmp_path, words, advice):
+    done = ssil_viewer("render", "builtin:cornell", *FAST, "-o", "a.png", "--view", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.endswith(f", --view, {advice}\n") and done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [], "the picture in place of the buffer"
+
+
+def test_a_view_of_what_an_environment_makes(tmp_path):
+    """It was refused, since the frame was asked before it had the environment."""
+    output.write_exr(tmp_path / "sky.exr", {"": np.ones((8, 16, 3), np.float32)})
+    done = ssil_viewer("render", "builtin:cornell", *FAST, "-o", "a.png", "--view", "sky", "--environment", "sky.exr",
+                       cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("size", ["1x1", "3x7", "1x97", "127x2"])
 def test_odd_sizes(tmp_path, size):
     done = ssil_viewer("render", "builtin:cornell", "--size", size, "--frames", "2", "-o", "a.npz", cwd=tmp_path)

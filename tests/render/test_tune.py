@@ -132,8 +132,8 @@ def test_what_was_measured_is_written_where_nothing_stays_within_the_budget(tmp_
 
 
 def test_what_cannot_be_is_one_line(tmp_path):
-    for words, message in ((["--ms", "0"], "--ms, give milliseconds"), (["--ms", "x"], "--ms"), ([], "--ms is missing"),
-                           (["--ms", "4", "-o", "a.json"], "ends in .toml"),
+    for words, message in ((["--ms", "0"], "--ms, give milliseconds above 0, such as 4"), (["--ms", "x"], "--ms"),
+                           ([], "--ms is missing"), (["--ms", "4", "-o", "a.json"], "ends in .toml"),
                            (["--ms", "4", "--bounces", "0"], "bounce"),
                            (["--ms", "1e-6", "--start-level", "2", "--levels", "3", "--samples", "1", "--frames", "1",
                              "-o", "a.toml"], "nothing stays within 1e-06 ms here")):

@@ -19,7 +19,7 @@ LAYERS = (
     ("passes", "stillness"),
     ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
     ("pipeline", "compile_ahead"),
-    ("metering", "idle_settings"),
+    ("metering", "idle_settings", "buffer_advice"),
     ("headless", "embed"),
     ("reference",),
     ("app", "measure"),

@@ -155,6 +155,19 @@ def test_equal_cone_angles_are_a_hard_edge(tmp_path):
     assert warnings(scene) == []
 
 
+@pytest.mark.parametrize("scale", [1e200, 1e308])
+def test_a_light_whose_transform_overflows_costs_the_light_alone(tmp_path, scale):
+    """The length of its direction is infinite, so that the direction comes out without any."""
+    builder = quad_scene()
+    builder.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional"}, {"type": "point"}]}}
+    builder.node(scale=[scale] * 3, extensions={"KHR_lights_punctual": {"light": 0}})
+    builder.node(extensions={"KHR_lights_punctual": {"light": 1}})
+    scene = load(builder, tmp_path)
+    assert [light.kind for light in scene.lights] == ["point"]
+    assert any("a light was skipped" in warning for warning in scene.warnings)
+
+
+
 # -- background ----------------------------------------------------------------------------------------------------
 
 

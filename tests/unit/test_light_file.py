@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from ssil_viewer.errors import UserError
@@ -113,3 +115,31 @@ def test_lights_are_told_from_settings(tmp_path):
 def test_every_key_is_a_field_of_a_light():
     fields = set(Light.__dataclass_fields__)
     assert all(set(keys) <= fields for keys in KEYS.values())
+
+
+@pytest.mark.parametrize("values, said", [
+    ({"kind": "rectangel"}, "the kind of light 'rectangel' is not known, did you mean rectangle?"),
+    ({"kind": None}, "the kind of light None is not known, choose directional, "),
+    ({"position": (0, 0)}, "position cannot be (0, 0), point light lamp, give three numbers"),
+    ({"position": "abc"}, "position cannot be 'abc'"), ({"color": 1.0}, "color cannot be 1.0"),
+    ({"up": (0, None, 1)}, "up cannot be"), ({"direction": (0, 0, 0)}, "direction has no length"),
+    ({"intensity": -1}, "intensity cannot be -1, point light lamp, give a number not below 0"),
+    ({"intensity": math.nan}, "intensity cannot be nan"), ({"intensity": "3"}, "intensity cannot be '3'"),
+    ({"range": 0}, "range cannot be 0"), ({"radius": -1.0}, "radius cannot be -1.0"),
+    ({"width": True}, "width cannot be True"), ({"cast_shadow": 1}, "cast_shadow cannot be 1"),
+    ({"name": 3}, "name cannot be 3"), ({"kind": "spot", "outer_cone": 45}, "the cones do not fit, spot light lamp"),
+    ({"kind": "spot", "inner_cone": 0.8}, "the cones do not fit")])
+def test_a_light_of_python_is_checked_where_it_is_made(values, said):
+    """Some of these failed later, without a word of what was wrong, and others were taken."""
+    with pytest.raises(UserError) as caught:
+        Light(**({"kind": "point", "name": "lamp"} | values))
+    assert str(caught.value).startswith(said)
+    with pytest.raises(UserError):
+        dataclasses.replace(Light("spot"), **values)
+
+
+def test_what_files_and_programs_have_is_taken():
+    light = Light("point", position=np.array((1, 2, 3), np.float32), color=[1, 0, 0], intensity=np.float32(2))
+    assert light == Light("point", position=(1.0, 2.0, 3.0), color=(1.0, 0.0, 0.0), intensity=2.0)
+    Light("directional", inner_cone=2.0, outer_cone=1.0, position=(math.inf, 0, 0))     # cones are of spots alone
+    Light("spot", intensity=1e300, outer_cone=math.pi / 2)

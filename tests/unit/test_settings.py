@@ -42,7 +42,7 @@ def test_the_ends_of_a_range_belong_to_it_and_nothing_beyond(info):
         assert getattr(Settings().replaced({info.name: value}), info.name) == value
     step = 1 if info.type is int else 1e-6 * max(abs(low), abs(high))
     for value in (low - step, high + step, math.inf, -math.inf, math.nan):
-        with pytest.raises(UserError, match=info.flag):
+        with pytest.raises(UserError, match=f"{info.name} cannot be"):
             Settings().replaced({info.name: value})
 
 
@@ -93,6 +93,30 @@ def test_bad_settings_files(tmp_path, text, shown):
     file.write_text(text)
     with pytest.raises(UserError, match=re.escape(shown)):
         load_settings(file)
+
+
+@pytest.mark.parametrize("text, problem, advice", [
+    ('samples = "128"', "samples cannot be '128'", "write it without quotes"),
+    ('samples = "4096"', "samples cannot be '4096'", "give a number from 1 to 1024"),
+    ("samples = 0", "samples cannot be 0", "give a value from 1 to 1024"),
+    ('temporal = "false"', "temporal cannot be 'false'", "write it without quotes"),
+    ('visibility = "vox"', "visibility cannot be 'vox'", "did you mean voxel?")])
+def test_a_bad_value_in_a_file_names_the_file_and_no_flag(tmp_path, text, problem, advice):
+    file = tmp_path / "s2.toml"
+    file.write_text(text)
+    with pytest.raises(UserError) as caught:
+        load_settings(file)
+    assert str(caught.value) == f"{problem}, {file}, {advice}"
+
+
+@pytest.mark.parametrize("values", [{"samples": 0}, {"visibility": "vox"}, {"temporal": 1}, {"start_level": 1.5}])
+def test_from_python_no_flag_is_named(values):
+    (name, value), = values.items()
+    for make in (lambda: Settings(**values), lambda: Settings().replaced(values),
+                 lambda: dataclasses.replace(Settings(), **values)):
+        with pytest.raises(UserError) as caught:
+            make()
+        assert str(caught.value).startswith(f"{name} cannot be {value!r}, ") and "--" not in str(caught.value)
 
 
 def test_settings_files_that_cannot_be_read(tmp_path):
