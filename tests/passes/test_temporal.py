@@ -9,7 +9,7 @@ import pytest
 
 from ssil_viewer.frame import Frame
 from ssil_viewer.headless import render_frames
-from ssil_viewer.scene.model import Camera, Instance, Light, Material, Mesh, Scene
+from ssil_viewer.scene.model import Camera, Image, Instance, Light, Material, Mesh, Scene, TextureRef
 from ssil_viewer.stillness import RESTLESS_FRAMES
 from tests import scenes
 
@@ -175,3 +175,43 @@ def test_huge_light_does_not_stay(make_renderer, stage):
     render_frames(renderer, CAMERA, 64)
     assert np.isfinite(renderer.read("indirect")).all()
     assert renderer.read("indirect").mean() < 2 * calm
+
+
+def carved_cornell() -> Scene:
+    """The box with a normal map of bumps, some pixels wide, on its back wall."""
+    room = scenes.cornell()
+    rng = np.random.default_rng(3)
+    slopes = rng.normal(0.0, 0.5, (64, 64, 2))
+    normals = np.dstack([slopes, np.ones((64, 64))])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    pixels = np.full((64, 64, 4), 255, np.uint8)
+    pixels[..., :3] = np.round((normals * 0.5 + 0.5) * 255)
+    carved = replace(room.materials[0], normal_texture=TextureRef(0))
+    wall = scenes.rectangle((-1, -1, -1), (2, 0, 0), (0, 2, 0), len(room.materials))
+    wall = replace(wall, tangents=np.tile(np.float32([1, 0, 0, 1]), (len(wall.positions), 1)))
+    old = room.meshes[0].primitives
+    mesh = replace(room.meshes[0], primitives=(*old[:2], wall, *old[3:]))
+    return replace(room, meshes=(mesh,), materials=(*room.materials, carved), images=(Image("bumps", pixels),))
+
+
+def test_relief_does_not_fade_while_the_camera_moves(make_renderer, stage):
+    """Means of what neighbours had on their own normals would be those of a flat wall."""
+    renderer = make_renderer(carved_cornell(), (288, 162), stage, samples=64)
+    eye = np.array(CAMERA.eye)
+    path = [replace(CAMERA, eye=tuple(eye + (0.007 * step, 0.0, 0.0))) for step in range(-20, 1)]
+    for camera in path:
+        renderer.render(camera)
+    moved = renderer.read("indirect")[..., 0]
+    renderer.reset_history()
+    render_frames(renderer, CAMERA, 16)
+    still = renderer.read("indirect")[..., 0]
+    depth, facing = renderer.read("view_depth"), renderer.read("triangle_normal")
+    wall = (np.abs(depth - depth.max()) < 0.05 * depth.max()) & (facing[..., 2] > 0.99)
+    wall[:, 1:-1] &= wall[:, 2:] & wall[:, :-2]
+
+    def relief(light):
+        return (light[:, 1:-1] - 0.5 * (light[:, 2:] + light[:, :-2]))[wall[:, 1:-1]]
+
+    assert wall.mean() > 0.1 and relief(still).std() > 0.02 * still[wall].mean()
+    assert np.corrcoef(relief(moved), relief(still))[0, 1] > 0.9
+    assert 0.85 < relief(moved).std() / relief(still).std() < 1.2
