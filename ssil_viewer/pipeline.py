@@ -168,9 +168,8 @@ class Renderer:
         self._adopt(environment, maps)
 
     def _upload(self, environment: Environment | None) -> EnvironmentMaps | None:
-        if environment is None:
-            return None
-        return EnvironmentMaps(self.context, environment, self.capabilities.max_texture_size)
+        largest = self.capabilities.max_texture_size
+        return None if environment is None else EnvironmentMaps(self.context, environment, largest)
 
     def _adopt(self, environment: Environment | None, maps: EnvironmentMaps | None) -> None:
         if self._environment_maps not in (None, maps):
