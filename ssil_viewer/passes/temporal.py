@@ -53,7 +53,7 @@ class Temporal(ScreenPass):
             # Where each pixel was is known. By a branch software OpenGL would spare nothing: it takes both sides
             defines.append(("STILL", ""))
             omit |= {"motion", "previous_surface", "light", "coarse_surface"}
-        if settings.last_level == 0:
+        if not frame.has_target("light", 1):    # no level is coarse, or another method has made the light
             omit |= {"light", "coarse_surface"}
         if averages_reflections(settings):
             defines += to_image(settings)

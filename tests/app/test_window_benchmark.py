@@ -53,7 +53,7 @@ def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path)
 def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):  # noqa: F811
     drawn = []
     original = panel.draw_table
-    monkeypatch.setattr(panel, "draw_table", lambda found: (drawn.append(time.perf_counter()), original(found)))
+    monkeypatch.setattr(panel, "draw_table", lambda *found: (drawn.append(time.perf_counter()), original(*found)))
     viewer.actions.start_benchmark()
     frames = []
     original_render = viewer._renderer.render
