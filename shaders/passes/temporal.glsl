@@ -47,6 +47,7 @@ const float COARSE_REACH = 0.05;
 // Factors on the light of the last frame's texels that turn it to the normal of now: a mean of what neighbours had on their
 // own normals would lose the relief of normal maps with each frame that moves.
 vec3 turned(ivec2 px, Surface surface, Previous previous) {
+    if (frame.still == 1 || frame.history_frames == 0) return vec3(1.0);    // the same normals, or none
     CoarseLight light = coarse_light(px);
     float here = lobe_share(light.lobe, light.normal, surface.normal);
     vec3 shares;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, TypeVar, get_args
+from typing import Callable, get_args
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from ssil_viewer.scene.model import Camera
 from ssil_viewer.settings import Settings, load_preset, load_settings
 
 _SHOW_MODES = ("both", "direct", "indirect", "glossy")
-_Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 class Actions(CameraActions):
@@ -194,7 +193,7 @@ class Actions(CameraActions):
         self.state.say(f"Saved {saved_view.save_settings(Path.cwd(), self.state.settings)}")
 
     def undo(self) -> None:
-        """Take the last change of settings or lights back."""
+        """Take the last change of settings, lights or environment back."""
         self._go_to(self.history.back(self._snapshot()), "Undone", "undo")
 
     def redo(self) -> None:
@@ -206,14 +205,23 @@ class Actions(CameraActions):
         self.history.look(self._snapshot(), busy)
 
     def _snapshot(self) -> Snapshot:
-        return Snapshot(self.state.settings, self.state.lights)
+        # The exposure may be the program's own choice
+        settings = self.state.settings.replaced({"exposure": Settings().exposure})
+        return Snapshot(settings, self.state.lights, self.state.scene.environment, self.state.other)
 
     def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
         if snapshot is None:
             self.state.say(f"Nothing to {verb}")
             return
-        self.state.say(f"{done}: {difference(self._snapshot(), snapshot)}")
-        self.state.settings, self.state.lights = snapshot.settings, snapshot.lights
+        state, now = self.state, self._snapshot()
+        state.say(f"{done}: {difference(now, snapshot)}")
+        state.settings = snapshot.settings.replaced({"exposure": state.settings.exposure})
+        state.other = snapshot.other
+        if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
+            # Which light moves is told by its place in the list
+            state.lights, state.motion = snapshot.lights, LightMotion()
+            state.scene = replace(state.scene, environment=snapshot.environment)
+            self.exposure.light_changed()
 
     @shows_errors
     def start_benchmark(self) -> None:
@@ -244,7 +252,8 @@ class Actions(CameraActions):
 
     def browse_scene(self) -> None:
         """Let the user choose a file, at first beside the scene that is open."""
-        self.on_browse(Path(self.state.scene.name).parent if Path(self.state.scene.name).is_file() else None)
+        path = Path(self.state.scene.name)
+        self.on_browse(path.parent if path.is_file() else None)
 
     def open_scene(self, source: str) -> None:
         """Load a scene in the background; the present one stays until it is there."""

@@ -1,10 +1,11 @@
-"""Changes of settings and lights that can be taken back."""
+"""Changes of settings, lights and environment that can be taken back."""
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
 
+from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Light
 from ssil_viewer.settings import Settings, knobs
 
@@ -16,7 +17,9 @@ class Snapshot:
     """What a change changes."""
 
     settings: Settings
-    lights: tuple[Light, ...]
+    lights: tuple[Light, ...] = ()
+    environment: Environment | None = None
+    other: Settings | None = None       # B
 
 
 class History:
@@ -71,4 +74,6 @@ def difference(a: Snapshot, b: Snapshot) -> str:
              if getattr(a.settings, info.name) != getattr(b.settings, info.name)]
     if len(names) > 3:
         names = [f"{len(names)} settings"]
-    return ", ".join(names + ["lights"] * (a.lights != b.lights))
+    return ", ".join(names + [name for name, differs in (
+        ("lights", a.lights != b.lights), ("environment", a.environment is not b.environment),
+        ("settings B", a.other != b.other)) if differs])

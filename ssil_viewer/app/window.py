@@ -143,7 +143,6 @@ class Viewer:
         follower.begin_turn()
         if not measuring:
             follower.send(self._render_size())
-        self.actions.note_changes(busy=imgui.is_any_item_active())
         self._show_title()
         view = follower.look()
         self._pacer.continuous = self.state.continuous
@@ -160,6 +159,9 @@ class Viewer:
         else:
             self._rendered = False
         self.state.resting = not self._rendered and not measuring
+        if not measuring:   # settings that are not in force yet may be refused
+            self.actions.note_changes(busy=imgui.is_any_item_active() or self._renderer.settings
+                                      != reference.settings(self.state.settings))
         # While settings wait for what they need, the picture may have what a reference cannot have
         comparable = reference.settings(self._renderer.settings) == self._renderer.settings
         if not measuring and comparable and follower.rendered_view is not None:

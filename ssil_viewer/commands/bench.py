@@ -65,10 +65,12 @@ def run(args: argparse.Namespace) -> None:
             bench.close()
         shared.warn(renderer.warnings)
         report = bench.report()
-    measuring.write_files(files, {"json": lambda: tables.to_json(report), "csv": lambda: tables.to_csv(report),
-                                  "markdown": lambda: tables.to_markdown(report)})
-    measuring.print_tables(tables.heading_lines(report), [tables.sums_table(report), *tables.pass_tables(report)],
-                           tables.notes(report), to_stderr=args.json == "-")
+    try:
+        measuring.write_files(files, {"json": lambda: tables.to_json(report), "csv": lambda: tables.to_csv(report),
+                                      "markdown": lambda: tables.to_markdown(report)})
+    finally:    # whatever becomes of the files
+        measuring.print_tables(tables.heading_lines(report), [tables.sums_table(report), *tables.pass_tables(report)],
+                               tables.notes(report), to_stderr=args.json == "-")
 
 
 def rows_of(args: argparse.Namespace) -> list[Settings]:
@@ -109,10 +111,13 @@ def _run_scaling(args: argparse.Namespace, files: measuring.Files) -> None:
         with measuring.progress_bar(in_pipes=True) as show:
             report = scaling.measure(renderer, camera, args.quick, args.frames, show)
     found = scaling.report_tables(report)
-    if picture is not None:
-        plots.write(picture, report)
-        measuring.say_written(picture)
-    measuring.write_files(files, {
-        "json": lambda: tables.to_json(report), "csv": lambda: tables.csv_text(scaling.csv_lines(report)),
-        "markdown": lambda: tables.to_markdown(report, found, scaling.verdicts(report))})
-    measuring.print_tables(tables.heading_lines(report), found, scaling.verdicts(report), to_stderr=args.json == "-")
+    try:
+        measuring.write_files(files, {
+            "json": lambda: tables.to_json(report), "csv": lambda: tables.csv_text(scaling.csv_lines(report)),
+            "markdown": lambda: tables.to_markdown(report, found, scaling.verdicts(report))})
+        if picture is not None:
+            plots.write(picture, report)
+            measuring.say_written(picture)
+    finally:    # whatever becomes of the files
+        measuring.print_tables(tables.heading_lines(report), found, scaling.verdicts(report),
+                               to_stderr=args.json == "-")

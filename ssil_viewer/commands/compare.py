@@ -83,6 +83,7 @@ def run(args: argparse.Namespace) -> None:
         raise UserError("a heat map shows the error against R1 or R2", "--heat-map", "name one of them in --reference")
     settings = shared.settings_of(args)
     if args.all:
+        from ssil_viewer.measure.bench import VISIBILITIES
         from ssil_viewer.peers.compare_all import check_settings, compare_all
 
         check_settings(settings)
@@ -94,7 +95,8 @@ def run(args: argparse.Namespace) -> None:
     effort = Effort(references, args.blocks, args.rays, 9 * args.spp // 4, args.spp, float(args.time),
                     args.on_gpu or scale is not None, scale)
     require_some(effort)
-    scene = shared.load(args, [settings])
+    rows = [settings, *(settings.replaced({"visibility": kind}) for kind in VISIBILITIES)] if args.all else [settings]
+    scene = shared.load(args, rows)
     camera = shared.camera_of(args, scene)
     with _progress() as heard:
         done = compare(scene, size=args.size, settings=settings, camera=camera, frames=args.frames or FRAMES,
@@ -111,19 +113,21 @@ def run(args: argparse.Namespace) -> None:
             done.result["bounces"] = series
             done.warnings += warnings
     shared.warn(done.warnings)
-    if target is not None:
-        output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
-        measuring.say_written(target)
-    if heat_map is not None and done.heat_map is not None:
-        output.write_png(heat_map, done.heat_map)
-        measuring.say_written(heat_map)
-    if pictures is not None:
-        output.write_npz(pictures, done.pictures)
-        measuring.say_written(pictures)
-    if args.json == "-":
-        print(json.dumps(done.result, indent=2, allow_nan=False))
-    else:
-        print_tables(done)
+    try:
+        if target is not None:
+            output.write_text(target, json.dumps(done.result, indent=2, allow_nan=False) + "\n")
+            measuring.say_written(target)
+        if heat_map is not None and done.heat_map is not None:
+            output.write_png(heat_map, done.heat_map)
+            measuring.say_written(heat_map)
+        if pictures is not None:
+            output.write_npz(pictures, done.pictures)
+            measuring.say_written(pictures)
+    finally:    # whatever becomes of the files
+        if args.json == "-":
+            print(json.dumps(done.result, indent=2, allow_nan=False))
+        else:
+            print_tables(done)
 
 
 @contextmanager

@@ -58,12 +58,14 @@ def run(args: argparse.Namespace) -> None:
         report = tune.report(renderer, tried, chosen, args.ms)
     notes = ["* is the least error within the budget.", *_NOTES] if chosen else _NOTES
     text = _preset(report, chosen) if chosen is not None else ""
-    if target is not None and text:
-        output.write_text(target, text)
-        measuring.say_written(target)
-    measuring.write_files(files, {"json": lambda: tables.to_json(report)})
-    measuring.print_tables(tables.heading_lines(report), [tune.front_table(tried, chosen, args.ms)], notes,
-                           to_stderr=args.json == "-")
+    try:
+        if target is not None and text:
+            output.write_text(target, text)
+            measuring.say_written(target)
+        measuring.write_files(files, {"json": lambda: tables.to_json(report)})
+    finally:    # whatever becomes of the files
+        measuring.print_tables(tables.heading_lines(report), [tune.front_table(tried, chosen, args.ms)], notes,
+                               to_stderr=args.json == "-")
     if chosen is None:
         raise tune.nothing_within(tried, args.ms)
     if target is None and args.json != "-":

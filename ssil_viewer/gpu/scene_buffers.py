@@ -76,8 +76,6 @@ class GpuScene:
 
     Attributes:
         origin: (3,) float64, metres; subtract it from any world position before it goes to the GPU.
-        bounds: (2, 3) float64, corners of the box of all geometry, relative to `origin`: where it was when the scene
-            came, and where it has moved since.
         groups: Draw calls, opaque ones first.
         opaque_count: Number of indices, from the first, that belong to opaque groups.
         has_occlusion_maps: Some material darkens indirect light.
@@ -96,7 +94,8 @@ class GpuScene:
         self.solid_buffer: moderngl.Buffer | None = None
         low, high = scene.bounds()
         self.origin = (low + high) / 2
-        self._first_bounds = self.bounds = np.stack([low - self.origin, high - self.origin])
+        self._first_bounds = np.stack([low - self.origin, high - self.origin])
+        self._bounds: np.ndarray | None = self._first_bounds    # None: to be found anew
         self._mesh_corners: dict[int, np.ndarray] = {}
         self._moved_corners: dict[int, np.ndarray] = {}     # instance -> its box's, relative to the origin
         self.has_occlusion_maps = any(m.occlusion_texture for m in scene.materials)
@@ -265,9 +264,17 @@ class GpuScene:
             self._mesh_corners[mesh] = self._scene.mesh_corners(mesh)
         place = np.asarray(world_from_object, np.float64)
         self._moved_corners[instance] = self._mesh_corners[mesh] @ place[:3, :3].T + place[:3, 3] - self.origin
-        # The first box stays in it: shadow maps would get coarser and finer with each step of a thing within the scene
-        corners = np.concatenate([self._first_bounds, *self._moved_corners.values()])
-        self.bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
+        self._bounds = None
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Corners of the box of all geometry as it came, and of what has moved where it is now: (2, 3) float64, relative
+        to `origin`."""
+        if self._bounds is None:
+            # As it came, so that shadow maps do not get coarser and finer with each step of a thing within the scene
+            corners = np.concatenate([self._first_bounds, *self._moved_corners.values()])
+            self._bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
+        return self._bounds
 
     def upload_transforms(self) -> bool:
         """Send changed transforms to the GPU, once a frame. Returns whether anything moves in this frame."""

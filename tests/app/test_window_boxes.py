@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from imgui_bundle import imgui
 
 from ssil_viewer.app import keys
 from ssil_viewer.app.panels import file_browser, messages
+from ssil_viewer.errors import UserError
+from ssil_viewer.scene.environment import Environment
 from ssil_viewer.settings import Settings
 from tests.app import test_window
 from tests.app.test_window import (  # noqa: F401, fixtures
@@ -65,6 +70,10 @@ def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):  # noqa: F811
     type_path(viewer, field, "b")
     browser = viewer._gui._browser
     assert viewer._gui.has_modal and browser._typed == "b" and "No such file" in browser._problem
+    for path in ("x" * 300, "~nobody-of-that-name/x", "a\0b"):
+        browser._typed = path
+        browser._go_to_typed()
+        assert browser._problem
 
 
 def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer):  # noqa: F811
@@ -81,9 +90,10 @@ def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer
 
 def test_the_box_opens_beside_the_scene(viewer, tmp_path):  # noqa: F811
     (tmp_path / "models").mkdir()
-    for folder in (tmp_path / "models", tmp_path / "gone"):
-        viewer._gui._browser.open(folder)
-        turn(viewer, 2)
+    (tmp_path / "models" / "hall.glb").touch()
+    for name in (str(tmp_path / "models" / "hall.glb"), "builtin:cornell"):     # the second is no file
+        viewer.state.scene = replace(viewer.state.scene, name=name)
+        viewer.actions.browse_scene()
         assert viewer._gui._browser._folder == (tmp_path / "models").resolve()
 
 
@@ -130,6 +140,55 @@ def test_a_lamp_is_taken_back(viewer):  # noqa: F811
     turn(viewer, 2)
     assert viewer.state.lights == viewer._renderer.lights == before
     assert viewer.state.toasts[-1].text == "Undone: lights"
+
+
+def test_undoing_a_lamp_that_moves_leaves_none_moving(viewer):  # noqa: F811
+    before = viewer.state.lights
+    viewer.state.lights = (*before, before[0])
+    turn(viewer, 2)
+    viewer.state.motion = replace(viewer.state.motion, light=len(before), reach=0.1)
+    turn(viewer, 2)
+    viewer.actions.undo()
+    turn(viewer, 2)
+    assert viewer.state.lights == before and viewer.state.motion.light is None
+
+
+def test_settings_that_are_refused_are_nothing_to_undo(viewer, monkeypatch):  # noqa: F811
+    first = viewer.state.settings
+    viewer.state.settings = second = first.replaced({"samples": 7})
+    turn(viewer, 2)
+
+    def refuse(*arguments):
+        raise UserError("no memory for it")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(viewer._renderer, "set_settings", refuse)
+        viewer.state.settings = second.replaced({"samples": 9})
+        turn(viewer, 3)
+    assert viewer.state.settings == second
+    viewer.actions.undo()
+    turn(viewer, 2)
+    assert viewer.state.settings == first
+
+
+def test_the_exposure_is_nothing_to_undo(viewer):  # noqa: F811
+    viewer.state.settings = viewer.state.settings.replaced({"exposure": 2.0})
+    turn(viewer, 2)
+    viewer.actions.undo()
+    assert viewer.state.settings.exposure == 2.0 and viewer.state.toasts[-1].text == "Nothing to undo"
+
+
+def test_an_environment_and_the_sun_that_it_replaced_come_back_together(viewer, tmp_path):  # noqa: F811
+    before = viewer.state.lights
+    sky = Environment("sky", np.ones((4, 8, 3), np.float32))
+    viewer.state.scene, viewer.state.lights = replace(viewer.state.scene, environment=sky), ()
+    turn(viewer, 2)
+    viewer.actions.undo()
+    turn(viewer, 2)
+    assert viewer._renderer.environment is None and viewer.state.lights == viewer._renderer.lights == before
+    viewer.actions.redo()
+    turn(viewer, 2)
+    assert viewer._renderer.environment is sky and viewer._renderer.lights == ()
 
 
 def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(viewer, monkeypatch):  # noqa: F811

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from ssil_viewer import cli
+from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.context import create_headless_context, read_capabilities
 
 TRUNCATED_GLB = b"glTF\x02\x00\x00\x00\xff\xff\x00\x00"
@@ -177,3 +178,14 @@ def test_what_was_measured_is_in_its_file_although_nothing_can_be_printed(workpl
     assert len(json.loads((workplace / "found.json").read_text())["rows"]) == 1
     assert "internal error" not in done.stderr
     assert ("no space left for what is printed" in done.stderr) == ("full" in reader)
+
+
+def test_what_was_measured_is_printed_although_no_file_can_be_written(workplace, capsys, monkeypatch):
+    def full(path, text):
+        raise UserError("no space left", str(path))
+
+    monkeypatch.setattr("ssil_viewer.output.write_text", full)
+    status = cli.main(["bench", "builtin:cornell", "--size", "32x18", "--frames", "1", "--sweep", "samples=1",
+                       "--json", "found.json"])
+    shown = capsys.readouterr()
+    assert status == 2 and "no space left" in shown.err and "gather" in shown.out

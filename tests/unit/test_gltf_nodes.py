@@ -167,7 +167,6 @@ def test_a_light_whose_transform_overflows_costs_the_light_alone(tmp_path, scale
     assert any("a light was skipped" in warning for warning in scene.warnings)
 
 
-
 # -- background ----------------------------------------------------------------------------------------------------
 
 

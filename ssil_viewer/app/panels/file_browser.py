@@ -90,14 +90,22 @@ class FileBrowser:
         imgui.set_next_item_width(-1)
         entered, self._typed = imgui.input_text("##folder", self._typed, imgui.InputTextFlags_.enter_returns_true)
         if entered:
-            path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
-            if path.is_file():
-                chosen = path
-            else:
-                self._enter(path)
+            chosen = self._go_to_typed()
         if self._problem:
             widgets.complaint(self._problem)
         return chosen
+
+    def _go_to_typed(self) -> Path | None:
+        """The file that was typed, or None after a folder or a complaint."""
+        try:
+            path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
+            if path.is_file():
+                return path
+        except (OSError, RuntimeError, ValueError) as error:    # too long a name, nobody's home, a zero byte
+            self._problem = str(error)
+            return None
+        self._enter(path)
+        return None
 
     def _list(self) -> Path | None:
         chosen = None
@@ -133,6 +141,8 @@ class FileBrowser:
             self._typed, self._problem = str(self._folder), ""
         except OSError as error:
             self._problem = f"{folder}: {error.strerror or error}"
+        except ValueError as error:
+            self._problem = str(error)
 
 
 def list_folder(folder: Path, suffixes: tuple[str, ...] | None) -> list[Entry]:

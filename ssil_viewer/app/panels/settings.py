@@ -131,6 +131,7 @@ def _widget(info: KnobInfo, value: Any) -> tuple[bool, Any]:
         return imgui.input_int(name, value)
     if info.type is int:
         changed, new = imgui.slider_int(name, value, int(knob.low), int(knob.high), number_format(info), flags)
-        new = info.nearest(new)
+        if knob.low <= new <= knob.high:    # what is typed may lie outside, and is refused then
+            new = info.nearest(new)
         return changed and new != value, new
     return imgui.slider_float(name, value, knob.low, knob.high, number_format(info), flags)
