@@ -133,7 +133,8 @@ def _check_view(view: tuple[str, int | None], renderer: Renderer, args: argparse
     """The view with its level, the finest where none was asked for.
 
     Args:
-        scene: The renderer's, or None before it has one, which may take long: then the scene may have everything.
+        scene: The renderer's, or None before it has one, which may take long: then it may have glossy
+            materials and surfaces.
 
     Raises:
         UserError: The frame has no such buffer; says what makes it.

@@ -268,8 +268,8 @@ class GpuScene:
 
     @property
     def bounds(self) -> np.ndarray:
-        """Corners of the box of all geometry as it came, and of what has moved where it is now: (2, 3) float64, relative
-        to `origin`."""
+        """Corners of the box of all geometry as it came, and of what has moved where it is now: (2, 3) float64,
+        relative to `origin`."""
         if self._bounds is None:
             # As it came, so that shadow maps do not get coarser and finer with each step of a thing within the scene
             corners = np.concatenate([self._first_bounds, *self._moved_corners.values()])
