@@ -43,6 +43,8 @@ CoarseLight coarse_light(ivec2 px) { return coarse_light_at(px); }
 
 // Difference in depth, relative, up to which the coarse texel may be of the pixel's own surface.
 const float COARSE_REACH = 0.05;
+// Share of the turn that is made: all of it keeps all relief, and lets more of it and of the lobe's own noise flicker.
+const float TURN = 0.5;
 
 // Factors on the light of the last frame's texels that turn it to the normal of now: a mean of what neighbours had on their
 // own normals would lose the relief of normal maps with each frame that moves.
@@ -53,7 +55,7 @@ vec3 turned(ivec2 px, Surface surface, Previous previous) {
     vec3 shares;
     for (int i = 0; i < 3; ++i) shares[i] = lobe_share(light.old_lobe, light.old_normal, previous.normals[i]);
     bool is_own = abs(light.view_depth - surface.view_depth) < COARSE_REACH * surface.view_depth;
-    return is_own ? clamp(here / shares, 0.5, 2.0) : vec3(1.0);
+    return is_own ? mix(vec3(1.0), clamp(here / shares, 0.5, 2.0), TURN) : vec3(1.0);
 }
 #else
 vec3 turned(ivec2 px, Surface surface, Previous previous) { return vec3(1.0); }

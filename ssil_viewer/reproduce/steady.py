@@ -180,7 +180,7 @@ def reprojection(lab: Lab) -> Finding:
         lab.say(f"flicker, temporal filter {'on' if temporal else 'off'}", 0.5 + 0.2 * temporal)
         renderer = studio.set(temporal=temporal)
         # The running mean has settled by then
-        found[temporal] = flicker(renderer, studio.camera, 0.5, lab.pick(5, 9), lab.pick(16, 32) if temporal else 0)
+        found[temporal] = flicker(renderer, studio.camera, 0.5, lab.pick(5, 9), 32 if temporal else 0)
     light = float(studio.values("indirect").mean())
     verdict, why = reprojection_verdict(
         found[True] / found[False], max(shares), max(costs.values()) / min(costs.values()),
