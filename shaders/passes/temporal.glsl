@@ -46,7 +46,7 @@ const float COARSE_REACH = 0.05;
 // Share of the turn that is made: all of it keeps all relief, and lets more of it and of the lobe's own noise flicker.
 const float TURN = 0.5;
 
-// Factors on the light of the last frame's texels that turn it to the normal of now: a mean of what neighbours had on their
+// Factors on the light of the last frame's texels that turn it towards the normal of now: a mean of what neighbours had on their
 // own normals would lose the relief of normal maps with each frame that moves.
 vec3 turned(ivec2 px, Surface surface, Previous previous) {
     if (frame.still == 1 || frame.history_frames == 0) return vec3(1.0);    // the same normals, or none

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from ssil_viewer.app import keys
 from ssil_viewer.app.panels import file_browser, messages
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
@@ -224,7 +223,3 @@ def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):  # noq
     viewer.state.buffer = "normal"
     turn(viewer, 3)
     assert blocks() > 0.7
-
-
-def test_escape_is_in_the_help():
-    assert any(binding.keys == "Escape" for binding in keys.BINDINGS)

@@ -213,5 +213,6 @@ def test_relief_does_not_fade_while_the_camera_moves(make_renderer, stage):
         return (light[:, 1:-1] - 0.5 * (light[:, 2:] + light[:, :-2]))[wall[:, 1:-1]]
 
     assert wall.mean() > 0.1 and relief(still).std() > 0.02 * still[wall].mean()
+    # 0.75 without the turn. The half of it that is made leaves some of the relief out: 0.69 of its deviation is there
     assert np.corrcoef(relief(moved), relief(still))[0, 1] > 0.9
     assert 0.6 < relief(moved).std() / relief(still).std() < 1.2
