@@ -11,6 +11,7 @@ from ssil_viewer.frame_plan import FramePlan
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import Target, TargetSet, level_size
 from ssil_viewer.pass_runner import PassRunner
+from ssil_viewer.picture import read_picture
 
 
 def buffers_of(plan: FramePlan) -> dict[str, BufferInfo]:
@@ -75,9 +76,7 @@ class BufferViews:
         if level:
             raise UserError(f"{DISPLAY!r} has no level {level}", "", "it has level 0 alone")
         self._runner.timers.disturb()
-        texture = self._runner.targets.texture(DISPLAY)
-        data = np.frombuffer(texture.read(), np.uint8).reshape(texture.height, texture.width, 4)
-        return np.ascontiguousarray(data[::-1, :, :3])
+        return read_picture(self._runner.targets.texture(DISPLAY))
 
     def _source(self, buffer: Buffer, level: int) -> tuple[tuple, tuple, dict[str, moderngl.Texture]]:
         """What shaders/debug/source.glsl reads: declared reads, definitions, and the textures."""

@@ -62,7 +62,12 @@ class FramePlan:
 
     def has_target(self, name: str, level: int = 0) -> bool:
         """Whether a target is allocated, at a level."""
-        return name in self.declared and level in self.declared[name].levels(self.settings)
+        return level in self.allocated.get(name, ())
+
+    @cached_property
+    def allocated(self) -> dict[str, range]:
+        """Levels of each target that are allocated, by its name."""
+        return {name: target.levels(self.settings) for name, target in self.declared.items()}
 
     def schedule(self) -> Iterator[tuple[Pass, int]]:
         """The passes of a frame with the number of the bounce, from 1 on; neighbours that work per bounce repeat."""
@@ -125,7 +130,7 @@ class FramePlan:
         """What a dispatch compiles to; `reads` is what the method of that name answers for it."""
         formats = tuple((name, self.declared[target.removesuffix("@previous")].format)
                         for name, (target, _) in reads.items())
-        writes = tuple((name, self.declared[name].format)
+        writes = tuple((name, self.declared[dispatch.targets.get(name, name)].format)
                        for name in (*screen_pass.writes, *screen_pass.extends) if name not in dispatch.omit)
         tables, uniforms = (tuple((name, kind) for name, kind in declared.items() if name not in dispatch.omit)
                             for declared in (screen_pass.tables, screen_pass.uniforms))

@@ -154,7 +154,7 @@ class PassRunner:
         affected = before.settings.affected_by(settings)
         if after.features != before.features:
             affected = "resources"
-        if affected == "resources":
+        if affected == "resources" or after.allocated != before.allocated:
             self._replace_targets(self._allocate(self.size, after))
         self.plan = after
         if affected not in (None, "display"):

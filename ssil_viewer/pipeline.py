@@ -21,15 +21,14 @@ from ssil_viewer.gpu.present import Presenter
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.scene_rays import RayTables, SceneRays
-from ssil_viewer.gpu.screen_program import Stage, Variant
-from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.screen_program import Stage
 from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
-from ssil_viewer.passes.base import Pass, switch
-from ssil_viewer.passes.composite import Composite
+from ssil_viewer.passes.base import Pass
 from ssil_viewer.passes.rays import RAYS, corrects_visibility, gathers_unseen, traces_rays, traces_shadows
 from ssil_viewer.passes.sky import ENVIRONMENT
+from ssil_viewer.picture import picture_of
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.scene_frame import SceneFrame
@@ -397,7 +396,8 @@ class Renderer:
         return self._views.read(name, level)
 
     def displayed(self, radiance: np.ndarray) -> np.ndarray:
-        """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.
+        """How `display` would show an image under the settings of the last frame: exposure, tone curve, sRGB and
+        smooth edges.
 
         Args:
             radiance: (H, W, 3) of the renderer's size, linear, row 0 = top, in `final`'s unit.
@@ -405,23 +405,7 @@ class Renderer:
         Returns:
             (H, W, 3) uint8, sRGB-encoded, row 0 = top.
         """
-        width, height = self.size
-        defines = (("SHOW", "1"), switch("TONE_MAP", self.settings.tone_map, Composite.tone_maps))
-        variant = Variant(Composite.shader, (("direct", "rgba16f"),), (), (("display", "rgba8"),), (("band", "ivec2"),),
-                          defines)
-        scratch = TargetSet(self.context, self.size, self.settings, {
-            "direct": Target("rgba16f", "", cropped=True), "display": Target("rgba8", "", cropped=True)})
-        texels = np.zeros((height, width, 4), np.float16)
-        texels[..., :3] = np.clip(radiance[::-1], 0.0, np.finfo(np.float16).max)
-        try:
-            scratch.texture("direct").write(texels.tobytes())
-            self._runner.unbind()
-            self._runner.shade(variant, scratch, {"direct": scratch.texture("direct")},
-                               {"display": scratch.texture("display")}, {"band": (0, 0)})
-            data = np.frombuffer(scratch.texture("display").read(), np.uint8)
-        finally:
-            scratch.release()
-        return np.ascontiguousarray(data.reshape(height, width, 4)[::-1, :, :3])
+        return picture_of(self._runner, radiance)
 
     def read_stored(self, target: str, level: int = 0) -> np.ndarray:
         """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.

@@ -266,6 +266,9 @@ class Settings:
         "Curve from radiance to display: neutral (Khronos; hues of what is lit stay, dark colours lose up to 0.04), "
         "aces (filmic contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
         affects="display", group="Display")] = "neutral"
+    antialias: Annotated[bool, Knob(
+        "Smooth the edges of the picture, by what it shows itself: one pass of constant cost. Never touches exported "
+        "values.", affects="display", group="Display")] = True
     shadow_resolution: Annotated[int, Knob(
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
         128, 8192, "texels", powers=True, log=True, group="Shadows")] = 2048

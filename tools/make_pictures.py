@@ -16,6 +16,7 @@ from ssil_viewer.reference.gpu_pictures import ReferencePictures, Scale
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
 from ssil_viewer.reference.whole_image import legend
 from ssil_viewer.reproduce.studio import FRAMES, Studio, tile
+from ssil_viewer.scene.texels import linear_from_srgb
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "images"
 SIZE = (1280, 720)
@@ -24,7 +25,7 @@ SIZE = (1280, 720)
 def hero(studio: Studio) -> Image.Image:
     """One view three times: direct light, indirect light, both."""
     studio.aim("builtin:atrium", "nave")
-    studio.render(samples=128, exposure=0.5)
+    studio.render(samples=128, exposure=0.5, antialias=True)
     both = studio.picture()
     panels = [("direct light", studio.picture("direct")), ("indirect light", studio.picture("indirect")),
               ("both", both)]
@@ -34,7 +35,7 @@ def hero(studio: Studio) -> Image.Image:
 def shadows(studio: Studio) -> Image.Image:
     """Direct light alone."""
     studio.aim("builtin:atrium", "gallery")
-    studio.render(frames=1, bounces=0)
+    studio.render(frames=1, bounces=0, antialias=True)
     return tile([("direct light with shadows", studio.picture())], 1, (800, 450), (0, 180, 960, 720))
 
 
@@ -158,7 +159,7 @@ def bounces(studio: Studio) -> Image.Image:
 def relief(studio: Studio) -> Image.Image:
     """A relief that no direct light reaches."""
     studio.aim("builtin:atrium", "relief")
-    studio.render()
+    studio.render(antialias=True)
     both = studio.picture()
     return tile([("direct light", studio.picture("direct")), ("indirect light", studio.picture("indirect")),
                  ("both", both)], 3, (420, 236))
@@ -170,17 +171,34 @@ def tone_map(studio: Studio) -> Image.Image:
     studio.render()
     panels = []
     for choice in ("neutral", "aces", "reinhard", "linear"):
-        studio.render(frames=4, tone_map=choice)
+        studio.render(frames=4, tone_map=choice, antialias=True)
         panels.append((choice, studio.picture()))
     return tile(panels, 2, (420, 236))
+
+
+def antialias(studio: Studio) -> Image.Image:
+    """Edges as they are, smoothed, and as the mean of 4x4 pixels each."""
+    left, top, right, bottom = 800, 90, 940, 210
+    panels = []
+    for choice in (False, True):
+        studio.aim("builtin:atrium", "nave")
+        studio.render(antialias=choice)
+        panels.append((f"{'with' if choice else 'without'} antialiasing", studio.picture().crop((left, top, right, bottom))))
+    studio.aim("builtin:atrium", "nave", (4 * SIZE[0], 4 * SIZE[1]))
+    studio.render(frames=1)
+    light = linear_from_srgb(np.asarray(studio.picture().crop((4 * left, 4 * top, 4 * right, 4 * bottom))))
+    mean = light.reshape(bottom - top, 4, right - left, 4, 3).mean((1, 3))
+    codes = np.arange(256)
+    shown = np.interp(mean, linear_from_srgb(codes), codes)
+    panels.append(("mean of 4x4 pixels", Image.fromarray(np.uint8(shown + 0.5))))
+    return tile(panels, 3, (420, 360), sharp=True)
 
 
 PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "hero.png": hero, "shadows.jpg": shadows, "gbuffer.jpg": gbuffer, "direct.jpg": direct, "mipmap.png": mipmap,
     "gather.png": gather, "form-factor.jpg": form_factor, "unseen.jpg": unseen, "upsample.jpg": upsample,
     "temporal.jpg": temporal, "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces,
-    "error.jpg": error,
-    "tone-map.jpg": tone_map,
+    "error.jpg": error, "tone-map.jpg": tone_map, "antialias.png": antialias,
 }
 
 

@@ -3,6 +3,7 @@
 // Here the guard band is cut off: `band` is where the image begins in what was rendered.
 #include "lib/brdf.glsl"
 #include "lib/color.glsl"
+#include "lib/luminance.glsl"
 
 // Half a code value of noise, so that dark gradients do not band. Interleaved gradient noise (Jimenez 2014).
 float dither(ivec2 px) {
@@ -28,7 +29,7 @@ void shade(ivec2 px) {
 #ifdef HAS_REFLECTION
     glossy = glossy_reflection(px + band);   // a half float holds what is stored, times at most 1
 #endif
-    vec3 direct = load_direct(px + band).rgb;
+    vec3 direct = vec3(load_direct(px + band));
 #if SHOW == 0
     vec3 color = direct + indirect + glossy;
 #elif SHOW == 1
@@ -52,5 +53,10 @@ void shade(ivec2 px) {
 #elif TONE_MAP == 2
     color = tone_map_reinhard(color);
 #endif
-    out_display = vec4(srgb_from_linear(color) + dither(px) / 255.0, 1.0);
+    vec3 code = srgb_from_linear(color) + dither(px) / 255.0;
+#ifdef SMOOTHED
+    out_display = encode_rgba8(vec4(code, luminance(code)));
+#else
+    out_display = vec4(code, 1.0);
+#endif
 }

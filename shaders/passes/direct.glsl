@@ -54,7 +54,7 @@ void shade(ivec2 px) {
 #ifdef HAS_SKY
         backdrop = environment_background(ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
 #endif
-        out_direct = vec4(finite_half(backdrop), 0.0);
+        out_direct = backdrop;
         out_radiance = vec3(0.0);
         return;
     }
@@ -118,7 +118,7 @@ void shade(ivec2 px) {
                * environment_brdf(specular.rgb, specular.a, n_dot_v) * (open_ahead * frame.environment_strength);
 #endif
     out_radiance = emission + albedo * irradiance * (1.0 / PI);
-    out_direct = vec4(finite_half(out_radiance + highlight), 1.0);
+    out_direct = out_radiance + highlight;
 #ifdef HAS_HISTORY
     vec4 history;
     if (frame.history_frames > 0 && find_history(find_previous(px, surface), vec3(1.0), history))

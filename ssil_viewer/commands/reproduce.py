@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from typing import Any, Callable
 
 from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser
-from ssil_viewer.settings import Settings
 
 USAGE = "-o DIR [--quick] [--claims C1,C2,...] [flags]"
 EPILOG = """\
@@ -42,12 +42,12 @@ def run(args: argparse.Namespace) -> None:
     from ssil_viewer.reproduce.claims import chosen
     from ssil_viewer.reproduce.machine import machine
     from ssil_viewer.reproduce.run import measure
-    from ssil_viewer.reproduce.studio import Studio
+    from ssil_viewer.reproduce.studio import RAW, Studio
 
     claims = chosen(args.claims)
     folder = output.check_folder(args.output, report.is_report)
     size = args.size or (_QUICK_SIZE if args.quick else _SIZE)
-    studio = Studio(size, Settings(seed=args.seed))
+    studio = Studio(size, replace(RAW, seed=args.seed))
     try:
         # A bad scene ends the command now rather than after all other claims
         studio.aim(args.scene or "builtin:cornell")

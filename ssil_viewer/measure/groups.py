@@ -14,6 +14,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
                  "mipmap_radiance", "mipmap_brightest", "gather", "glossy_gather"),
     "upsampling_compositing": ("upsample", "add_bounces", "temporal", "glossy_upsample", "glossy_resolve",
                                "composite"),
+    "display": ("antialias",),
 }
 """Group -> names of its passes."""
 

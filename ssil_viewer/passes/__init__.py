@@ -1,5 +1,6 @@
 """The frame: its passes in the order in which they run."""
 
+from ssil_viewer.passes.antialias import Antialias
 from ssil_viewer.passes.base import Dispatch, Pass, Read, ScreenPass
 from ssil_viewer.passes.composite import Composite
 from ssil_viewer.passes.depth_range import DepthRange
@@ -23,9 +24,10 @@ from ssil_viewer.passes.voxelize import Voxelize
 FRAME: tuple[type[Pass], ...] = (Shadows, GBuffer, Mipmap, Sky, SkyFilter, ShadowRays, Direct, UnseenLight, UnseenSums,
                                  UnseenDraw, UnseenGather, UnseenReflect, DepthRange, Voxelize, VoxelMipmap, Reflect,
                                  MipmapRadiance, MipmapBrightest, Gather, Upsample, AddBounces, GlossyGather,
-                                 GlossyUpsample, GlossyResolve, Temporal, Composite)
+                                 GlossyUpsample, GlossyResolve, Temporal, Composite, Antialias)
 
-__all__ = ["FRAME", "AddBounces", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather", "GlossyGather",
-           "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapBrightest", "MipmapRadiance", "Pass",
-           "Read", "Reflect", "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter", "Temporal", "UnseenDraw",
-           "UnseenGather", "UnseenLight", "UnseenReflect", "UnseenSums", "Upsample", "VoxelMipmap", "Voxelize"]
+__all__ = ["FRAME", "AddBounces", "Antialias", "Composite", "DepthRange", "Direct", "Dispatch", "GBuffer", "Gather",
+           "GlossyGather", "GlossyResolve", "GlossyUpsample", "ImportGBuffer", "Mipmap", "MipmapBrightest",
+           "MipmapRadiance", "Pass", "Read", "Reflect", "ScreenPass", "ShadowRays", "Shadows", "Sky", "SkyFilter",
+           "Temporal", "UnseenDraw", "UnseenGather", "UnseenLight", "UnseenReflect", "UnseenSums", "Upsample",
+           "VoxelMipmap", "Voxelize"]

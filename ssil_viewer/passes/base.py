@@ -80,7 +80,7 @@ class Pass:
     Attributes:
         name: Under which it is timed and shown.
         writes: Targets it owns; names are unique in the whole frame.
-        extends: Targets of earlier passes of which it writes further levels.
+        extends: Targets of earlier passes that it writes, too: further levels of them, or in their place.
         per_bounce: It runs for each bounce of light; neighbours in the frame do so together, in turn.
         first_bounce: From which bounce on.
         requires: Features of the scene without which it never runs, and its targets do not exist.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
+from ssil_viewer.passes.antialias import smooths_edges
 from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
 
@@ -29,14 +30,18 @@ class Composite(ScreenPass):
         "glossy": Target("rgba16f", "what glossy reflection of indirect light adds to `final`, W m^-2 sr^-1",
                          optional=True, cropped=True, exists=glossy_exists),
         "display": Target("rgba8", "the picture, sRGB-encoded", cropped=True),
+        "aliased": Target("bits32", "the picture before its edges are smoothed, sRGB-encoded; in the upper byte "
+                          "brightness", cropped=True, exists=smooths_edges),
     }
     uniforms = {"band": "ivec2"}
+    shows = ("both", "direct", "indirect", "glossy")
+    smoothed = "SMOOTHED", ""
     tone_maps = ("aces", "neutral", "reinhard", "linear")
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        defines = [switch("SHOW", frame.settings.show, ("both", "direct", "indirect", "glossy")),
+        defines = [switch("SHOW", frame.settings.show, self.shows),
                    switch("TONE_MAP", frame.settings.tone_map, self.tone_maps)]
-        omit: set[str] = set()
+        omit = {"aliased"}
         if frame.settings.bounces == 0:
             omit |= {"albedo", "irradiance"}
         if not uses_glossy(frame.settings):
@@ -46,4 +51,8 @@ class Composite(ScreenPass):
                 defines.append((f"WRITE_{name.upper()}", ""))
             else:
                 omit.add(name)
-        yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit), block=BLOCK)
+        targets = {}
+        if smooths_edges(frame.settings):   # what the shader calls the display goes through another pass first
+            targets["display"] = "aliased"
+            defines.append(self.smoothed)
+        yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit), targets, block=BLOCK)

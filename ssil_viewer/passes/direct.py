@@ -31,8 +31,8 @@ class Direct(ScreenPass):
     tables = {**LIGHT_TABLES, "environment": "sampler2D", "environment_irradiance": "sampler2D",
               "environment_specular": "sampler2D"}
     writes = {
-        "direct": Target("rgba16f", "radiance towards the camera from direct light and emission, W m^-2 sr^-1; "
-                                    "background: the backdrop"),
+        "direct": Target("rgb9e5", "radiance towards the camera from direct light and emission, W m^-2 sr^-1; "
+                                   "background: the backdrop"),
         "radiance": Target("rgb9e5", "diffuse exitant radiance L = emission + albedo / pi * E_direct, W m^-2 sr^-1",
                            "pyramid"),
     }

@@ -10,8 +10,9 @@ import numpy as np
 from ssil_viewer.buffers import BUFFERS
 from ssil_viewer.frame import Frame
 from ssil_viewer.gpu.screen_program import Variant
-from ssil_viewer.gpu.targets import Target, TargetSet
+from ssil_viewer.gpu.targets import TargetSet
 from ssil_viewer.passes import Composite
+from ssil_viewer.picture import PICTURE_TARGETS, draw_picture, read_picture
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
 
@@ -64,13 +65,12 @@ class ReferencePictures:
         self._targets: TargetSet | None = None
         self._fit()
 
-    def _fit(self) -> moderngl.Texture:
+    def _fit(self) -> TargetSet:
         renderer = self._renderer
         if self._targets is None or self._targets.size != renderer.size:
             self.release()
-            self._targets = TargetSet(renderer.context, renderer.size, renderer.settings,
-                                      {"display": Target("rgba8", "a picture, sRGB-encoded", cropped=True)})
-        return self._targets.texture("display")
+            self._targets = TargetSet(renderer.context, renderer.size, renderer.settings, PICTURE_TARGETS)
+        return self._targets
 
     def image(self, reference: ProgressiveReference) -> moderngl.Texture:
         """The last frame's picture with the reference's irradiance in place of our own."""
@@ -83,7 +83,7 @@ class ReferencePictures:
         variant = replace(variant, reads=tuple((name, "rgba32f" if name == "irradiance" else form)
                                                for name, form in variant.reads))
         inputs["irradiance"] = reference.texture()
-        return self._draw(variant, inputs, dispatch.uniforms)
+        return draw_picture(runner, variant, self._fit(), inputs, dispatch.uniforms)
 
     def error(self, reference: ProgressiveReference, mean: float, scale: Scale) -> moderngl.Texture:
         """Our irradiance minus the reference's, as colours.
@@ -99,23 +99,17 @@ class ReferencePictures:
             ("is_signed", "int"), ("stops[5]", "vec3")))
         inputs = {"ours": runner.targets.texture(target), "reference": reference.texture(),
                   "surface": runner.targets.texture("surface")}
-        return self._draw(variant, inputs, {
+        display = self._fit().texture("display")
+        runner.unbind()
+        runner.shade(variant, self._targets, inputs, {"display": display}, {
             "first": runner.band, "image_size": self._renderer.size, "block": scale.block, "mean": max(mean, 1e-30),
             "limit": scale.limit, "is_signed": int(scale.signed), "stops": list(scale.stops)})
-
-    def _draw(self, variant: Variant, inputs: dict[str, moderngl.Texture], uniforms: dict[str, object]
-              ) -> moderngl.Texture:
-        display = self._fit()
-        self._renderer.runner.unbind()
-        self._renderer.runner.shade(variant, self._targets, inputs, {"display": display}, uniforms)
         return display
 
     def read(self) -> np.ndarray:
         """The last picture: (H, W, 3) uint8, sRGB-encoded, row 0 = top."""
-        display = self._fit()
         self._renderer.timers.disturb()
-        data = np.frombuffer(display.read(), np.uint8).reshape(display.height, display.width, 4)
-        return np.ascontiguousarray(data[::-1, :, :3])
+        return read_picture(self._fit().texture("display"))
 
     def release(self) -> None:
         """Free all GPU memory."""

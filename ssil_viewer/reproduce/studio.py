@@ -24,13 +24,16 @@ Box = tuple[int, int, int, int]
 
 _LINES = 720
 
+RAW = Settings(antialias=False)
+"""Pictures that show each pixel as the method made it: blocks, noise and edges are what they are for."""
+
 
 class Studio:
     """One renderer that goes from scene to scene.
 
     Args:
         size: Of all pictures, unless `resize` changes it.
-        base: What settings start from.
+        base: What settings start from; edges are not smoothed by default.
 
     Attributes:
         renderer: Has the scene of the last `aim`.
@@ -40,7 +43,7 @@ class Studio:
         UserError: No OpenGL, or the size does not fit.
     """
 
-    def __init__(self, size: tuple[int, int], base: Settings = Settings()) -> None:
+    def __init__(self, size: tuple[int, int], base: Settings = RAW) -> None:
         self._context = create_headless_context()
         self.base, self.size = base, size
         try:

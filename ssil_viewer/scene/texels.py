@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ssil_viewer.scene.colors import srgb_to_linear
 from ssil_viewer.scene.geometry import transformed_texcoords
 from ssil_viewer.scene.model import Image, TextureRef, Wrap
 
@@ -31,6 +32,4 @@ def texels_of(images: tuple[Image, ...], ref: TextureRef, uv: np.ndarray) -> np.
 
 def linear_from_srgb(pixels: np.ndarray) -> np.ndarray:
     """Linear float32 of sRGB-encoded bytes."""
-    levels = np.arange(256, dtype=np.float32) / 255
-    table = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    return table[pixels]
+    return srgb_to_linear(np.arange(256, dtype=np.float32) / 255).astype(np.float32)[pixels]

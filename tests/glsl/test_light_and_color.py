@@ -151,3 +151,11 @@ def test_srgb(context):
     ours = evaluate(context, COLOR, "result.rgb = srgb_from_linear(a.rgb);", values)[:, 0]
     c = np.clip(values[:, 0].astype(np.float64), 0, 1)
     assert np.allclose(ours, np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055), atol=2e-6)
+
+
+def test_srgb_back_to_light(context):
+    """To a fiftieth of a code value of 255."""
+    codes = np.linspace(0, 1, 1000, dtype=np.float32)[:, None].repeat(3, 1)
+    light = evaluate(context, COLOR, "result.rgb = linear_from_srgb(a.rgb);", codes)[:, 0].astype(np.float64)
+    again = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)
+    assert np.abs(again - codes[:, 0]).max() * 255 < 0.02

@@ -203,7 +203,7 @@ def test_with_and_without_the_temporal_filter(make_renderer, stage, mode):
 
 def test_what_is_shown(make_renderer):
     """`show` glossy is black where nothing reflects, and indirect holds it."""
-    renderer = make_renderer(floor_and_wall(0.3), (64, 36), temporal=False)
+    renderer = make_renderer(floor_and_wall(0.3), (64, 36), temporal=False, antialias=False)
     pictures = {}
     for show in ("both", "direct", "indirect", "glossy"):
         renderer.set_settings(replace(renderer.settings, show=show))

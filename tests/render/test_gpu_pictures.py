@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from tests import scenes
 from tests.render.test_gpu_sums import finished
 
 SIZE = 61, 37
-SETTINGS = {"samples": 4, "levels": 2, "shadow_resolution": 128}
+SETTINGS = {"samples": 4, "levels": 2, "shadow_resolution": 128, "antialias": False}
 
 
 @pytest.mark.parametrize("settings", [{}, {"temporal": False}, {"guard_band": 20}, {"show": "indirect"}],
@@ -28,6 +30,21 @@ def test_the_image_is_lit_by_the_reference(make_renderer, stage, settings):
     expected = indirect if settings.get("show") == "indirect" else renderer.read("direct") + indirect
     assert np.abs(shown - renderer.displayed(expected)).max() <= 1
     assert shown.max() > 50
+    for owned in (reference, pictures):
+        owned.release()
+
+
+def test_its_edges_are_smoothed_as_those_of_the_picture(make_renderer, stage):
+    """What differs by a code value may be an edge in one and none in the other; no more than a few pixels do."""
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, **SETTINGS | {"antialias": True})
+    renderer.render(scenes.CORNELL_CAMERA)
+    reference, pictures = ProgressiveReference(renderer, "R1"), ReferencePictures(renderer)
+    final = renderer.read("direct") + renderer.read("albedo") * finished(reference) / np.pi
+    pictures.image(reference)
+    shown, smooth = pictures.read().astype(int), renderer.displayed(final)
+    renderer.set_settings(replace(renderer.settings, antialias=False))
+    differing = [(np.abs(shown - other).max(-1) > 1).mean() for other in (smooth, renderer.displayed(final))]
+    assert differing[0] < 0.005 < 0.02 < differing[1]
     for owned in (reference, pictures):
         owned.release()
 

@@ -17,7 +17,7 @@ CAMERA = scenes.CORNELL_CAMERA
 
 
 def test_the_picture_is_read_by_its_name(make_renderer, context):
-    renderer = make_renderer(scenes.cornell(), SIZE, guard_band=10)
+    renderer = make_renderer(scenes.cornell(), SIZE, guard_band=10, antialias=False)
     renderer.render(CAMERA)
     picture = renderer.read("display")
     assert picture.dtype == np.uint8 and picture.shape == (*SIZE[::-1], 3)

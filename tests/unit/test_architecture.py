@@ -17,7 +17,7 @@ LAYERS = (
     ("gpu", "buffers"),
     ("frame_uniforms",),
     ("passes", "stillness"),
-    ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views"),
+    ("frame", "frame_check", "frame_plan", "pass_runner", "scene_frame", "buffer_views", "picture"),
     ("pipeline", "compile_ahead"),
     ("metering", "idle_settings", "buffer_advice"),
     ("headless", "embed"),

@@ -39,7 +39,8 @@ def test_sums_of_groups():
     passes = {"gather": PassTime(2.0, 1.0, 3.0, 5), "mipmap": PassTime(1.5, 1.0, 2.0, 5),
               "composite": PassTime(0.25, 0.2, 0.3, 5), "gbuffer": PassTime(9.0, 9.0, 9.0, 5)}
     groups = group_times(passes)
-    assert groups == {"scene": 9.0, "direct": 0, "voxelization": 0, "indirect": 3.5, "upsampling_compositing": 0.25}
+    assert groups == {"scene": 9.0, "direct": 0, "voxelization": 0, "indirect": 3.5, "upsampling_compositing": 0.25,
+                      "display": 0}
     assert total_ms(groups) == 3.75
     assert group_times(passes, "p10_ms")["indirect"] == 2.0
 

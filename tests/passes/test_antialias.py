@@ -1,0 +1,130 @@
+"""Smooth edges: steps become the line that they stand for, and all else stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssil_viewer.headless import render_frames
+from ssil_viewer.scene.colors import srgb_to_linear
+from tests import scenes
+
+CAMERA = scenes.CORNELL_CAMERA
+SIZE = 96, 64
+
+
+def light_of(codes: np.ndarray) -> np.ndarray:
+    """sRGB codes from 0 to 255 to light."""
+    return srgb_to_linear(codes / 255.0)
+
+
+def half_plane(slope: float, upright: bool, per_pixel: int) -> np.ndarray:
+    """(H, W) share of each pixel below a line through the middle of the image, from so many points along each side."""
+    width, height = SIZE
+    y, x = (np.mgrid[0:height * per_pixel, 0:width * per_pixel] + 0.5) / per_pixel
+    below = (x - width / 2) * slope > y - height / 2 if not upright else (y - height / 2) * slope > x - width / 2
+    return below.reshape(height, per_pixel, width, per_pixel).mean((1, 3))
+
+
+@pytest.fixture
+def shown(make_renderer, stage):
+    """`shown(light, antialias)`: what the display shows of gray light; the curve is linear, so light is light."""
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, tone_map="linear", samples=1, levels=1)
+
+    def show(light: np.ndarray, antialias: bool) -> np.ndarray:
+        renderer.set_settings(replace(renderer.settings, antialias=antialias))
+        renderer.render(CAMERA)
+        return renderer.displayed(np.repeat(light[..., None], 3, -1))
+
+    return show
+
+
+@pytest.mark.parametrize("upright", [False, True])
+@pytest.mark.parametrize("slope", [-0.6, -0.15, 0.05, 0.25, 0.45, 0.9])
+def test_steps_become_the_line_that_they_stand_for(shown, slope, upright):
+    """Light of the pixels along the edge, against the exact share that the line cuts off."""
+    dark, bright = 0.05, 0.6
+    exact, sampled = (dark + (bright - dark) * half_plane(slope, upright, n) for n in (32, 1))
+    edge = (exact > dark) & (exact < bright)
+    errors = [np.sqrt(np.mean((light_of(shown(sampled, on)[..., 0]) - exact)[edge][1:-1] ** 2)) for on in (False, True)]
+    assert errors[0] > 0.12, "steps differ from the line"
+    # Steps of a single pixel are no edges with two ends: near the diagonal only what stands out is blended
+    assert errors[1] < (0.45 if abs(slope) < 0.5 else 0.7) * errors[0]
+
+
+def test_what_has_no_edges_stays(shown):
+    """Gradients from black to white, noise of a few code values, flat light: to the last bit."""
+    x, y = (np.broadcast_to(axis, SIZE[::-1]) for axis in (np.linspace(0, 255, SIZE[0])[None],
+                                                          np.linspace(0, 255, SIZE[1])[:, None]))
+    noise = np.random.default_rng(1).uniform(0.2, 0.21, SIZE[::-1])
+    for light in (light_of(x), light_of((x + y) / 2), noise, np.full(SIZE[::-1], 0.3)):
+        assert (shown(light, True) == shown(light, False)).all()
+
+
+@pytest.mark.parametrize("slope", [-0.6, 0.05, 0.25, 0.9])
+def test_as_much_light_as_before(shown, slope):
+    """What one side of an edge loses the other one gets, within 1 %."""
+    light = 0.1 + 0.7 * half_plane(slope, False, 1)
+    before, after = (light_of(shown(light, on)).mean() for on in (False, True))
+    assert after == pytest.approx(before, rel=0.01)
+
+
+def test_exported_values_are_untouched(make_renderer, stage):
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=8)
+    found = []
+    for antialias in (True, False):
+        renderer.set_settings(replace(renderer.settings, antialias=antialias))
+        renderer.reset_history()
+        render_frames(renderer, CAMERA, 3)
+        found.append({name: renderer.read(name) for name in ("final", "direct", "indirect", "display")})
+    assert (found[0]["display"] != found[1]["display"]).any(-1).mean() > 0.01
+    assert all((found[0][name] == found[1][name]).all() for name in ("final", "direct", "indirect"))
+
+
+def test_switching_keeps_history_and_memory(make_renderer, stage):
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=8)
+    render_frames(renderer, CAMERA, 4)
+    assert renderer.target_bytes()["aliased"] == 4 * SIZE[0] * SIZE[1]
+    for frames, antialias in ((5, False), (6, True)):
+        renderer.set_settings(replace(renderer.settings, antialias=antialias))
+        renderer.render(CAMERA)
+        assert renderer.target_bytes().get("aliased", 0) == (4 * SIZE[0] * SIZE[1] if antialias else 0)
+        assert renderer.read("history_length").max() == frames
+
+
+def test_buffers_are_shown_as_they_are(make_renderer, stage):
+    renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=8)
+    renderer.show_buffer("albedo")
+    found = []
+    for antialias in (True, False):
+        renderer.set_settings(replace(renderer.settings, antialias=antialias))
+        renderer.render(CAMERA)
+        found.append(renderer.read("display"))
+    assert (found[0] == found[1]).all()
+
+
+def test_edges_of_a_scene_come_nearer_to_many_samples_a_pixel(make_renderer, stage):
+    """Against the mean of the light of 4x4 pixels each, where those differ."""
+    settings = {"bounces": 0, "shadow_resolution": 512}
+    fine = make_renderer(scenes.cornell(), (4 * 160, 4 * 90), stage, **settings, antialias=False)
+    fine.render(CAMERA)
+    points = light_of(fine.read("display").reshape(90, 4, 160, 4, 3))
+    exact, edge = points.mean((1, 3)), np.ptp(points, (1, 3)).max(-1) > 0.15
+    errors = {}
+    for antialias in (False, True):
+        renderer = make_renderer(scenes.cornell(), (160, 90), stage, **settings, antialias=antialias)
+        renderer.render(CAMERA)
+        errors[antialias] = np.sqrt(np.mean((light_of(renderer.read("display")) - exact)[edge] ** 2))
+    assert errors[True] < 0.8 * errors[False]
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 2), (33, 17)])
+def test_small_and_odd_images_are_alike_in_both_forms(make_renderer, size):
+    pictures = []
+    for stage in ("compute", "fragment"):
+        renderer = make_renderer(scenes.cornell(), size, stage, bounces=0)
+        renderer.render(CAMERA)
+        pictures.append(renderer.read("display").astype(int))
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1
