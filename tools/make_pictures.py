@@ -183,7 +183,8 @@ def antialias(studio: Studio) -> Image.Image:
     for choice in (False, True):
         studio.aim("builtin:atrium", "nave")
         studio.render(antialias=choice)
-        panels.append((f"{'with' if choice else 'without'} antialiasing", studio.picture().crop((left, top, right, bottom))))
+        name = "with antialiasing" if choice else "without antialiasing"
+        panels.append((name, studio.picture().crop((left, top, right, bottom))))
     studio.aim("builtin:atrium", "nave", (4 * SIZE[0], 4 * SIZE[1]))
     studio.render(frames=1)
     light = linear_from_srgb(np.asarray(studio.picture().crop((4 * left, 4 * top, 4 * right, 4 * bottom))))
