@@ -10,6 +10,9 @@ from pathlib import Path
 
 from ssil_viewer.errors import UserError
 
+BUILTIN_PREFIX = "builtin:"
+"""Of names of what comes with the program, in place of a file."""
+
 _PACKAGE = Path(__file__).resolve().parent
 
 

@@ -286,7 +286,7 @@ class Actions(CameraActions):
 
     @shows_errors
     def open_environment(self, path: Path) -> None:
-        """Light the scene with a map from now on; the sun that a dark scene was given goes."""
+        """Light the scene with a map from now on; the sun that a dark scene was given goes, but beside a clear sky."""
         environment = load_environment(path)
         self._set_environment(environment)
         for warning in environment.warnings:
@@ -301,8 +301,8 @@ class Actions(CameraActions):
         state = self.state
         state.scene = replace(state.scene, environment=environment)
         lights = without_default_light(state.lights)
-        if environment is None and not lights:
-            lights = with_default_light(replace(state.scene, lights=())).lights
+        if not lights and (environment is None or not environment.brings_sun):
+            lights = with_default_light(replace(state.scene, lights=(), environment=None)).lights
         if lights != state.lights:
             state.lights, state.motion = lights, LightMotion()
         self.exposure.light_changed()
@@ -395,7 +395,8 @@ class Actions(CameraActions):
             raise UserError(outcome.error)
         scene, environment = outcome.scene, self.state.scene.environment
         if environment is not None:     # the user's choice outlives the scene
-            scene = replace(scene, environment=environment, lights=without_default_light(scene.lights))
+            lights = without_default_light(scene.lights) if environment.brings_sun else scene.lights
+            scene = replace(scene, environment=environment, lights=lights)
         self._renderer.set_scene(scene)
         self.state.open_scene(scene, outcome.camera)
         self.history.forget()

@@ -86,7 +86,7 @@ def add_scene(parser: Parser, default: str | None = None) -> None:
     light.add_argument("--lights", metavar="FILE", help="a TOML file of lights, in place of the scene's own; see "
                        "docs/lights.md")
     light.add_argument("--environment", metavar="FILE", help="an equirectangular .hdr or .exr that lights the "
-                       "scene and is its backdrop")
+                       "scene and is its backdrop; or builtin:sky, builtin:overcast")
     if default is None:
         parser.add_argument("scene", metavar="SCENE", help=text)
     else:

@@ -90,7 +90,7 @@ def load(args: argparse.Namespace, rows: Sequence[Settings]) -> Scene:
     """Loads the scene with its --lights and its --environment, and prints warnings on standard error: theirs, and of
     flags that have no effect.
 
-    Either of the two says how the scene is lit: then it gets no default sun.
+    Either of the two says how the scene is lit: then it gets no default sun, but beside a clear sky.
 
     Args:
         rows: The settings that are going to be used, one after the other.
@@ -118,7 +118,8 @@ def load_described(args: argparse.Namespace) -> Scene:
         load_lights(args.lights)
     if args.environment is not None:
         environment = load_environment(args.environment)
-    scene = load_scene(args.scene, default_light=args.lights is None and environment is None)
+    lit = args.lights is not None or environment is not None and environment.brings_sun
+    scene = load_scene(args.scene, default_light=not lit)
     if args.lights is not None:
         scene = with_lights(scene, args.lights)
     if environment is not None:

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ssil_viewer.errors import UserError
+from ssil_viewer.resources import BUILTIN_PREFIX
+from ssil_viewer.scene.builtin_sky import CLEAR, sky_radiance
 
 FORMATS = (".hdr", ".exr")
 MAX_WIDTH, MAX_HEIGHT = 8192, 4096
@@ -35,11 +37,13 @@ class Environment:
         name: File or title, for messages.
         radiance: (H, W, 3) float32, linear, W m^-2 sr^-1, row 0 = +Y; finite and not negative.
         warnings: One sentence for each thing that was replaced.
+        brings_sun: A scene without lights gets no default sun beside it.
     """
 
     name: str
     radiance: np.ndarray
     warnings: tuple[str, ...] = ()
+    brings_sun: bool = True
 
     def __post_init__(self) -> None:
         if self.radiance.ndim != 3 or self.radiance.shape[2] != 3 or 0 in self.radiance.shape:
@@ -67,16 +71,21 @@ def direction_of(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def load_environment(path: str | Path) -> Environment:
-    """Reads an equirectangular map, .hdr or .exr.
+    """Reads an equirectangular map, .hdr or .exr, or makes a built-in sky.
 
-    Values below 0, infinite or not a number are replaced (by 0, the largest finite one, and 0), and a warning counts
-    them.
+    In files, values below 0, infinite or not a number are replaced (by 0, the largest finite one, and 0), and a warning
+    counts them.
+
+    Args:
+        path: A file, or "builtin:NAME" with a name of `SKIES`.
 
     Raises:
         UserError: The file is missing, of another kind, broken or too large.
     """
     path = Path(path)
     shown = str(path)
+    if shown.startswith(BUILTIN_PREFIX):
+        return Environment(shown, sky_radiance(shown), brings_sun=shown != BUILTIN_PREFIX + CLEAR)
     if path.suffix.lower() not in FORMATS:
         raise UserError(f"the environment cannot be a {path.suffix or 'file without ending'}", shown,
                         "give an equirectangular .hdr or .exr")

@@ -48,7 +48,7 @@ def with_default_light(scene: Scene) -> Scene:
             -horizontal * math.cos(azimuth),
         ),
     )
-    warning = "nothing in the scene shines, so a default sun was added"
+    warning = "nothing in the scene shines, so a default sun was added; the environment builtin:sky goes with it"
     sky = scene.background if any(scene.background) else SKY_RADIANCE
     return replace(scene, lights=(sun,), background=sky, warnings=(*scene.warnings, warning))
 

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.resources import asset_path
+from ssil_viewer.resources import BUILTIN_PREFIX, asset_path
 from ssil_viewer.scene.gltf import load_gltf
 from ssil_viewer.scene.gltf_document import GLB_MAGIC
 from ssil_viewer.scene.lights import with_default_light
 from ssil_viewer.scene.model import Scene
 from ssil_viewer.scene.obj import load_obj
 from ssil_viewer.scene.other import OTHER_FORMATS, load_other
-
-BUILTIN_PREFIX = "builtin:"
 
 BUILTIN_SCENES = {
     "atrium": "Two storeys of arcades around a sunlit court with coloured hangings: light that bleeds into the shade",

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -524,6 +525,20 @@ def test_an_environment_and_lights_are_opened_like_scenes(viewer, tmp_path):
     viewer.actions.remove_environment()
     turn(viewer, 2)
     assert viewer._renderer.environment is None and "sky" not in viewer._renderer.buffers()
+
+
+def test_a_clear_sky_goes_with_the_sun(viewer, tmp_path):
+    """The default sun stays beside it, also in a scene opened later, and comes back from under clouds."""
+    path = tmp_path / "box.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for name, suns in (("sky", 1), ("overcast", 0), ("sky", 1)):
+        viewer.actions.open_environment(Path(f"builtin:{name}"))
+        if viewer.state.scene.name != str(path):
+            viewer.actions.open_scene(str(path))
+            until(viewer, lambda: viewer.state.scene.name == str(path))
+        turn(viewer, 2)
+        assert viewer._renderer.environment.name == f"builtin:{name}"
+        assert [light.name for light in viewer._renderer.lights] == ["default sun"] * suns
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])

@@ -162,6 +162,15 @@ def test_a_view_of_what_an_environment_makes(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("sky, gets_sun", [("sky", True), ("overcast", False)])
+def test_a_clear_sky_leaves_the_default_sun(tmp_path, sky, gets_sun):
+    (tmp_path / "box.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    done = ssil_viewer("render", "box.obj", *FAST, "-o", "a.png", "--environment", f"builtin:{sky}", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ("a default sun was added" in done.stderr) == gets_sun
+    assert Image.open(tmp_path / "a.png").getpixel((0, 0))[2] > 100, "the backdrop"
+
+
 @pytest.mark.parametrize("size", ["1x1", "3x7", "1x97", "127x2"])
 def test_odd_sizes(tmp_path, size):
     done = ssil_viewer("render", "builtin:cornell", "--size", size, "--frames", "2", "-o", "a.npz", cwd=tmp_path)

@@ -126,3 +126,24 @@ def test_blurred_levels_hold_the_lobe():
 def test_a_map_has_three_channels():
     with pytest.raises(ValueError):
         Environment("x", np.zeros((4, 4), np.float32))
+
+
+@pytest.mark.parametrize("name, irradiance, zenith_over_horizon", [("sky", 1.9, 1 - np.exp(-0.32)), ("overcast", 3.0, 3.0)])
+def test_built_in_skies(name, irradiance, zenith_over_horizon):
+    """The irradiance on level ground, the standard distributions' ends, gray ground below, the same all around."""
+    sky = load_environment(f"builtin:{name}")
+    luminance = sky.radiance @ np.float32((0.2126, 0.7152, 0.0722))
+    rows = luminance[:, 0]
+    middle = len(rows) // 2
+    assert sky.irradiance[0, 0] @ (0.2126, 0.7152, 0.0722) == pytest.approx(irradiance, rel=1e-3)
+    assert rows[0] / rows[middle - 1] == pytest.approx(zenith_over_horizon, rel=0.02)
+    assert np.allclose(sky.radiance[middle:], 0.2 * irradiance / np.pi, rtol=1e-5)
+    assert (sky.radiance == sky.radiance[:, :1]).all() and not sky.warnings
+    steps = np.diff(rows[:middle])
+    assert (steps >= 0).all() or (steps <= 0).all()
+
+
+def test_a_built_in_sky_that_there_is_not():
+    with pytest.raises(UserError) as caught:
+        load_environment("builtin:overcats")
+    assert str(caught.value) == "there is no such built-in sky, builtin:overcats, did you mean builtin:overcast?"

@@ -10,6 +10,8 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import settings, widgets
 from ssil_viewer.app.state import AppState
 from ssil_viewer.idle_settings import lacking
+from ssil_viewer.resources import BUILTIN_PREFIX
+from ssil_viewer.scene.builtin_sky import SKIES
 from ssil_viewer.settings import knobs
 
 
@@ -25,6 +27,12 @@ class EnvironmentPanel:
         self._path, wanted = widgets.path_field("##environment", self._path, actions.browse_scene)
         if wanted:
             actions.open_environment(Path(wanted).expanduser())
+        for name, meaning in SKIES.items():
+            if imgui.button(name.capitalize()):
+                actions.open_environment(Path(BUILTIN_PREFIX + name))
+            widgets.hint(f"{meaning}.")
+            imgui.same_line()
+        imgui.new_line()
         environment = state.scene.environment
         if environment is None:
             widgets.muted("None: no light comes from outside of the scene.")
