@@ -25,7 +25,7 @@ from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.environment import Environment, load_environment
 from ssil_viewer.scene.light_file import is_light_file, with_lights
 from ssil_viewer.scene.lights import with_default_light, without_default_light
-from ssil_viewer.scene.model import Camera
+from ssil_viewer.scene.model import Camera, Light
 from ssil_viewer.settings import Settings, load_preset, load_settings
 
 _SHOW_MODES = ("both", "direct", "indirect", "glossy")
@@ -52,6 +52,7 @@ class Actions(CameraActions):
         self.exposure = ExposureChoice(state, renderer)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
+        self._lights_after_loading: tuple[Light, ...] | None = None
         self.history = History()
         # The file browser puts itself here
         self.on_browse: Callable[[Path | None], None] = lambda folder: None
@@ -158,7 +159,7 @@ class Actions(CameraActions):
 
     @shows_errors
     def save_pixels(self, rgb: np.ndarray) -> None:
-        """Write a picture that remembers scene, settings and camera.
+        """Write a picture that remembers scene, settings, camera and lights.
 
         Args:
             rgb: (H, W, 3) uint8, row 0 = top.
@@ -167,7 +168,8 @@ class Actions(CameraActions):
         # While new settings are prepared, the picture still has those of the renderer
         settings = self._renderer.settings if self.state.preparing else self.state.settings
         view = saved_view.SavedView(self.state.scene.name, settings, self.state.camera.camera(),
-                                    environment.name if environment else "")
+                                    environment.name if environment else "",
+                                    self.state.motion.applied(self.state.lights))
         details = {"renderer": self._renderer.capabilities.renderer, "opengl": self._renderer.capabilities.version,
                    "size": [rgb.shape[1], rgb.shape[0]]}
         path = saved_view.save_picture(Path.cwd(), rgb, view, details)
@@ -257,7 +259,7 @@ class Actions(CameraActions):
 
     def open_scene(self, source: str) -> None:
         """Load a scene in the background; the present one stays until it is there."""
-        self._view_after_loading = self._settings_after_loading = None
+        self._view_after_loading = self._settings_after_loading = self._lights_after_loading = None
         self.state.loading = source
         self._loader.start(source)
 
@@ -279,10 +281,15 @@ class Actions(CameraActions):
     @shows_errors
     def load_lights(self, path: Path) -> None:
         """The lights of a file, in place of those that are there or on top of them, as the file says."""
-        self.state.lights = with_lights(replace(self.state.scene, lights=self.state.lights), path).lights
-        self.state.motion = LightMotion()
+        self._set_lights(with_lights(replace(self.state.scene, lights=self.state.lights), path).lights)
         self.exposure.light_changed()
         self.state.say(f"Lights of {path}")
+
+    @shows_errors
+    def save_lights(self) -> None:
+        """Write the lights, those that move where they are now, to the working directory, under a new name."""
+        lights = self.state.motion.applied(self.state.lights)
+        self.state.say(f"Saved {saved_view.save_lights(Path.cwd(), lights)}")
 
     @shows_errors
     def open_environment(self, path: Path) -> None:
@@ -382,21 +389,28 @@ class Actions(CameraActions):
             # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
             self._view_after_loading, self._settings_after_loading = view.camera, view.settings
+            self._lights_after_loading = view.lights
             return
         self.state.settings = view.settings
         self.state.camera.set_camera(view.camera)
-        self.state.say("Settings and camera of the picture")
+        self._set_lights(view.lights)
+        self.state.say("Settings, camera and lights of the picture")
+
+    def _set_lights(self, lights: tuple[Light, ...] | None) -> None:
+        """Lights of a file or picture, if it has them."""
+        if lights is not None:
+            self.state.lights, self.state.motion = lights, LightMotion()
 
     @shows_errors
     def _take(self, outcome: Loaded) -> None:
-        camera, settings = self._view_after_loading, self._settings_after_loading
-        self._view_after_loading = self._settings_after_loading = None
+        camera, settings, lights = self._view_after_loading, self._settings_after_loading, self._lights_after_loading
+        self._view_after_loading = self._settings_after_loading = self._lights_after_loading = None
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
         scene, environment = outcome.scene, self.state.scene.environment
         if environment is not None:     # the user's choice outlives the scene
-            lights = without_default_light(scene.lights) if environment.brings_sun else scene.lights
-            scene = replace(scene, environment=environment, lights=lights)
+            kept = without_default_light(scene.lights) if environment.brings_sun else scene.lights
+            scene = replace(scene, environment=environment, lights=kept)
         self._renderer.set_scene(scene)
         self.state.open_scene(scene, outcome.camera)
         self.history.forget()
@@ -404,7 +418,8 @@ class Actions(CameraActions):
             self.state.camera.set_camera(camera)
         if settings is not None:
             self.state.settings = settings
-            self.state.say("Settings and camera of the picture")
+            self._set_lights(lights)
+            self.state.say("Settings, camera and lights of the picture")
         elif camera is None:
             self.exposure.light_changed()
         count = len(outcome.scene.warnings)

@@ -57,7 +57,8 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("Ctrl+B", "Keep the settings as B and show them beside those of now, A; or end that", "Image",
             "keep_settings", (Chord("B", ctrl=True),)),
     Binding("X", "Values under the cursor on and off", "Image", "toggle_inspector", (Chord("X"),)),
-    Binding("F12", "Save the image as PNG, with settings and camera inside", "Image", "save_image", (Chord("F12"),)),
+    Binding("F12", "Save the image as PNG, with settings, camera and lights inside", "Image", "save_image",
+            (Chord("F12"),)),
     Binding("Shift+F12", "Save the window as PNG, with the panels", "Image", "save_window",
             (Chord("F12", shift=True),)),
 
@@ -81,7 +82,7 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("Ctrl+O", "Open a scene file", "Scene", "browse_scene", (Chord("O", ctrl=True),)),
     Binding("Ctrl+R", "Load the scene again", "Scene", "reload_scene", (Chord("R", ctrl=True),)),
     Binding("Drop a file", "Open a scene, an environment (.hdr, .exr), a file of settings or of lights (.toml), or a "
-            "saved PNG with its settings and camera", "Scene"),
+            "saved PNG with its settings, camera and lights", "Scene"),
 
     Binding("F1", "This help", "Program", "toggle_help", (Chord("F1"),)),
     Binding("Tab or H", "Hide and show the panels", "Program", "toggle_panels", (Chord("TAB"), Chord("H"))),

@@ -1,4 +1,4 @@
-"""What the window writes and reads back: pictures that remember their settings, and settings files."""
+"""What the window writes and reads back: pictures that remember their settings, files of settings and of lights."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import json
 import math
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Iterable
 
 import numpy as np
 
 from ssil_viewer import __version__, output
 from ssil_viewer.errors import UserError
-from ssil_viewer.scene.model import Camera
+from ssil_viewer.scene.light_file import light_tables, lights_of, lights_text
+from ssil_viewer.scene.model import Camera, Light
 from ssil_viewer.settings import Settings, knobs
 
 
@@ -24,12 +25,14 @@ class SavedView:
     Attributes:
         scene: Source of the scene, empty when the picture does not say.
         environment: File of the environment, empty when there is none.
+        lights: None where the picture does not say.
     """
 
     scene: str
     settings: Settings
     camera: Camera
     environment: str = ""
+    lights: tuple[Light, ...] | None = None
 
 
 def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[str, Any]) -> Path:
@@ -47,6 +50,8 @@ def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[s
     metadata = details | {"version": __version__, "scene": view.scene, "camera": camera,
                           "environment": view.environment,
                           "settings": dataclasses.asdict(view.settings)}
+    if view.lights is not None:
+        metadata["lights"] = light_tables(view.lights)
     path = output.check_target(_free_name(folder, ".png"), (".png",))
     output.write_png(path, rgb, metadata)
     return path
@@ -68,8 +73,9 @@ def load_picture(path: Path) -> SavedView:
         camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
+        lights = lights_of(data["lights"], str(path)) if "lights" in data else None
         return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera,
-                         str(data.get("environment", "")))
+                         str(data.get("environment", "")), lights)
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
 
@@ -87,6 +93,13 @@ def save_settings(folder: Path, settings: Settings) -> Path:
     written to."""
     path = output.check_target(_free_name(folder, ".toml"), (".toml",))
     output.write_text(path, settings_text(settings))
+    return path
+
+
+def save_lights(folder: Path, lights: Iterable[Light]) -> Path:
+    """Write a lights file under a new name that has the time. Raises UserError when the folder cannot be written to."""
+    path = output.check_target(_free_name(folder, ".toml", "ssil-lights"), (".toml",))
+    output.write_text(path, lights_text(lights))
     return path
 
 
@@ -114,8 +127,8 @@ def _read_vector(stored: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _free_name(folder: Path, ending: str) -> Path:
-    stem = datetime.now().strftime("ssil-%Y%m%d-%H%M%S")
+def _free_name(folder: Path, ending: str, begin: str = "ssil") -> Path:
+    stem = datetime.now().strftime(f"{begin}-%Y%m%d-%H%M%S")
     names = [f"{stem}{ending}", *(f"{stem}-{n}{ending}" for n in range(2, 100))]
     return next((folder / name for name in names if not (folder / name).exists()), folder / names[-1])
 

@@ -15,6 +15,7 @@ from ssil_viewer.buffers import BUFFERS, find_buffer
 from ssil_viewer.commands import shared
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
+from ssil_viewer.scene.light_file import light_tables
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings, knobs
 
@@ -32,7 +33,7 @@ _EXR_LAYERS = ("direct", "indirect", "radiance", "albedo", "normal", "view_depth
 USAGE = "[SCENE] -o FILE [flags]"
 EPILOG = """\
 formats:
-  .png  8-bit sRGB; settings and camera are stored in it as JSON
+  .png  8-bit sRGB; settings, camera and lights are stored in it as JSON
   .exr  linear 32-bit float: the final image, and the main buffers as layers
   .npz  every buffer that the settings make as a float32 array, row 0 = top
 
@@ -253,6 +254,7 @@ def _metadata(
         "frames": frames,
         "settings": dataclasses.asdict(settings),
         "camera": dataclasses.asdict(camera),
+        "lights": light_tables(scene.lights),
     }
 
 

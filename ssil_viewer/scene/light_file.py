@@ -13,10 +13,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Iterable
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.light_values import VECTORS, check_cones, check_kind, check_value, nearest
@@ -56,7 +57,49 @@ def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
         raise UserError(f"keep cannot be {keep!r}", shown, "give true or false")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise UserError("light must be a list of tables", shown, "begin each with [[light]]")
-    return tuple(_light(table, f"{shown}, light {at}") for at, table in enumerate(tables, start=1)), keep
+    return lights_of(tables, shown), keep
+
+
+def light_tables(lights: Iterable[Light]) -> list[dict[str, Any]]:
+    """Lights as such a file has them, for JSON or TOML: of each its kind, its name and what is not the default.
+
+    Lights at no finite place, which transforms in files may make and which light nothing, are left out.
+    """
+    return [_table(light) for light in lights
+            if all(math.isfinite(part) for key in VECTORS for part in getattr(light, key))]
+
+
+def _table(light: Light) -> dict[str, Any]:
+    usual = Light(light.kind)
+    # A name may have come from a file that is not quite Unicode
+    table: dict[str, Any] = {"kind": light.kind, "name": light.name.encode("utf-8", "replace").decode("utf-8")}
+    for key in KEYS[light.kind][2:]:
+        value = getattr(light, key)
+        if value == getattr(usual, key):
+            continue
+        if key in ("inner_cone", "outer_cone"):
+            value = round(math.degrees(value), 6)
+        table[key] = list(value) if key in VECTORS else value
+    return table
+
+
+def lights_of(tables: Iterable[dict[str, Any]], where: str) -> tuple[Light, ...]:
+    """The lights of `light_tables`. Raises UserError as `load_lights`; `where`: the file, for messages."""
+    return tuple(_light(table, f"{where}, light {at}") for at, table in enumerate(tables, start=1))
+
+
+def lights_text(lights: Iterable[Light]) -> str:
+    """A lights file that `load_lights` reads, in place of the scene's own."""
+    tables = light_tables(lights)
+    if not tables:
+        return "# No light at all, the scene's own neither.\nkeep = false\n"
+    return "\n".join("[[light]]\n" + "".join(f"{key} = {_toml(value)}\n" for key, value in table.items())
+                     for table in tables)
+
+
+def _toml(value: bool | float | str | list[float]) -> str:
+    # JSON and TOML write all of these alike, but for a character that TOML wants escaped
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def is_light_file(path: Path) -> bool:

@@ -91,11 +91,26 @@ def test_saved_settings_load_as_the_same(tmp_path):
 # Saved pictures
 
 def test_a_saved_picture_gives_settings_camera_and_scene_back(tmp_path):
-    view = saved_view.SavedView("builtin:arch", Settings(samples=7), Camera("c", (1, 2, 3), (4, 5, 6), near=0.5))
+    view = saved_view.SavedView("builtin:arch", Settings(samples=7), Camera("c", (1, 2, 3), (4, 5, 6), near=0.5),
+                                "builtin:sky", (Light("point", "lamp", intensity=2.0), Light("disc", "panel")))
     first = saved_view.save_picture(tmp_path, np.zeros((4, 6, 3), np.uint8), view, {"renderer": "test"})
     second = saved_view.save_picture(tmp_path, np.zeros((4, 6, 3), np.uint8), view, {})
     assert first != second and saved_view.load_picture(first) == view
     assert sorted(tmp_path.iterdir()) == sorted([first, second])
+
+
+def test_a_picture_from_before_it_had_lights_leaves_those_that_there_are(monkeypatch):
+    stored = {"settings": {}, "camera": dataclasses.asdict(Camera())}
+    monkeypatch.setattr(saved_view.output, "read_metadata", lambda path: stored)
+    assert saved_view.load_picture(Path("x.png")).lights is None
+
+
+@pytest.mark.parametrize("lights", [1, [1], ["point"], [{}], [{"kind": "pint"}], [{"kind": "point", "intensity": -1}]])
+def test_bad_lights_in_a_picture_are_refused(monkeypatch, lights):
+    stored = {"settings": {}, "camera": dataclasses.asdict(Camera()), "lights": lights}
+    monkeypatch.setattr(saved_view.output, "read_metadata", lambda path: stored)
+    with pytest.raises(UserError, match="x.png"):
+        saved_view.load_picture(Path("x.png"))
 
 
 @pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 20])
@@ -259,7 +274,8 @@ def test_settings_and_camera_of_a_picture_wait_for_its_scene(exists):
     state.open_scene(SCENE, SCENE.cameras[0])
     renderer = SimpleNamespace(set_scene=lambda scene: None)
     actions = Actions(state, renderer, SceneLoader(load, lambda scene: scene.cameras[0]), None)
-    actions._restore(saved_view.SavedView("other.glb", Settings(samples=7), Camera(eye=(0, 0, 50))))
+    lamp, before = Light("point", "lamp"), state.lights
+    actions._restore(saved_view.SavedView("other.glb", Settings(samples=7), Camera(eye=(0, 0, 50)), lights=(lamp,)))
     assert state.settings == Settings() and state.camera.eye[2] == 1.0 and state.scene is SCENE
     end = time.monotonic() + 10.0
     while state.loading and time.monotonic() < end:
@@ -267,6 +283,7 @@ def test_settings_and_camera_of_a_picture_wait_for_its_scene(exists):
     assert state.scene is (other if exists else SCENE)
     assert state.settings == Settings(samples=7 if exists else 64)
     assert state.camera.eye[2] == (50.0 if exists else 1.0)
+    assert state.lights == ((lamp,) if exists else before)
 
 
 # State and files

@@ -292,15 +292,28 @@ def test_pictures_are_saved_with_and_without_panels(viewer, tmp_path):
     assert np.abs(seen - saved).max() < 16
 
 
-def test_a_dropped_picture_brings_settings_and_camera_back(viewer, tmp_path):
+def test_a_dropped_picture_brings_settings_camera_and_lights_back(viewer, tmp_path):
+    lights = viewer.state.lights = (dataclasses.replace(viewer.state.lights[0], intensity=3.0, name="dim"),)
+    turn(viewer)
     viewer.actions.save_image()
     saved = saved_view.load_picture(next(tmp_path.glob("*.png")))
     viewer.actions.show("indirect")
     viewer.state.camera.rotate(0.3, 0.1)
+    viewer.state.lights = ()
     viewer.window.dropped(list(tmp_path.glob("*.png")))
     turn(viewer)
-    assert viewer._renderer.settings == saved.settings
+    assert viewer._renderer.settings == saved.settings and viewer._renderer.lights == saved.lights == lights
     assert viewer.state.camera.eye == pytest.approx(saved.camera.eye)
+
+
+def test_lights_are_saved_as_they_are_and_dropped_again(viewer, tmp_path):
+    viewer.state.lights = (Light("sphere", "ball", intensity=5.0, position=(0.1, 1.0, 0.2), radius=0.25),)
+    viewer.actions.save_lights()
+    path, = tmp_path.glob("ssil-lights-*.toml")
+    saved, viewer.state.lights = viewer.state.lights, ()
+    viewer.window.dropped([path])
+    turn(viewer)
+    assert viewer._renderer.lights == saved
 
 
 def test_resizing_follows_the_framebuffer(viewer, tmp_path):

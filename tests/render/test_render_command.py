@@ -58,6 +58,7 @@ def test_png_is_a_picture_that_says_how_it_was_made(rendered):
     assert made["size"] == list(SIZE)
     assert Settings(**made["settings"]) == Settings(samples=8)
     assert len(made["camera"]["eye"]) == 3
+    assert [light["kind"] for light in made["lights"]] == ["point"]
 
 
 def test_the_same_flags_give_the_same_bytes(rendered):

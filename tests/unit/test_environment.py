@@ -128,7 +128,8 @@ def test_a_map_has_three_channels():
         Environment("x", np.zeros((4, 4), np.float32))
 
 
-@pytest.mark.parametrize("name, irradiance, zenith_over_horizon", [("sky", 1.9, 1 - np.exp(-0.32)), ("overcast", 3.0, 3.0)])
+@pytest.mark.parametrize("name, irradiance, zenith_over_horizon", [
+    ("sky", 1.9, 1 - np.exp(-0.32)), ("overcast", 3.0, 3.0)])
 def test_built_in_skies(name, irradiance, zenith_over_horizon):
     """The irradiance on level ground, the standard distributions' ends, gray ground below, the same all around."""
     sky = load_environment(f"builtin:{name}")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.scene.light_file import KEYS, is_light_file, load_lights, with_lights
+from ssil_viewer.scene.light_file import KEYS, is_light_file, light_tables, lights_text, load_lights, with_lights
 from ssil_viewer.scene.model import Light, Scene
 
 COMPLETE = """
@@ -143,3 +143,38 @@ def test_what_files_and_programs_have_is_taken():
     assert light == Light("point", position=(1.0, 2.0, 3.0), color=(1.0, 0.0, 0.0), intensity=2.0)
     Light("directional", inner_cone=2.0, outer_cone=1.0, position=(math.inf, 0, 0))     # cones are of spots alone
     Light("spot", intensity=1e300, outer_cone=math.pi / 2)
+
+
+EVERY_KIND = (
+    Light("directional", "sun \u2600 \U0001F31E", (1.0, 0.5, 0.25), 3.5, direction=(0.0, -0.6, 0.8)),
+    Light("point", "", intensity=1e-7, position=(1.0, -2.5, 1e9), range=12.5),
+    Light("spot", 'quote " backslash \\ tab\t delete\x7f', position=(1.0, 2.0, 3.0), direction=(1.0, 0.0, 0.0),
+          inner_cone=0.1, outer_cone=0.7, cast_shadow=False),
+    Light("rectangle", "r", width=2.0, height=0.125, up=(0.0, 0.0, 1.0)),
+    Light("disc", "d", radius=0.75), Light("sphere", "s", (0.0, 0.0, 0.0), 0.0, radius=3.0))
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    path = tmp_path / "lights.toml"
+    path.write_text(lights_text(EVERY_KIND), encoding="utf-8")
+    assert is_light_file(path)
+    lights, keep = load_lights(path)
+    assert not keep and len(lights) == len(EVERY_KIND)
+    for read, written in zip(lights, EVERY_KIND):
+        for field in dataclasses.fields(Light):
+            now, before = getattr(read, field.name), getattr(written, field.name)
+            assert now == before or now == pytest.approx(before, rel=1e-6), (written.kind, field.name)
+
+
+def test_no_lights_are_a_file_too(tmp_path):
+    path = tmp_path / "lights.toml"
+    path.write_text(lights_text(()), encoding="utf-8")
+    assert is_light_file(path) and load_lights(path) == ((), False)
+
+
+def test_what_no_file_can_hold_is_left_out():
+    """Places that are not finite light nothing; a name that is no Unicode keeps what of it is."""
+    lights = (Light("point", "far", position=(math.inf, 0.0, 0.0)), Light("point", "half \ud800"))
+    table, = light_tables(lights)
+    assert table == {"kind": "point", "name": "half ?"}
+    lights_text(lights).encode("utf-8")

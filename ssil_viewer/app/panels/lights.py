@@ -42,6 +42,10 @@ def draw(state: AppState, actions: Actions) -> None:
             if edited != light:
                 state.lights = (*state.lights[:index], edited, *state.lights[index + 1:])
         imgui.pop_id()
+    if imgui.button("Save lights"):
+        actions.save_lights()
+    widgets.hint("A .toml file with all of them, in the folder that the program was started in; for --lights, or to be "
+                 "dropped on the window.")
     if state.lights:
         imgui.separator_text("Moving light")
         _motion(state, actions)
