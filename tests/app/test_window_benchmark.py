@@ -10,23 +10,22 @@ import pytest
 
 from ssil_viewer.app.panels import benchmark as panel
 from ssil_viewer.errors import UserError
-from tests.app import test_window
-from tests.app.test_window import display, egl_aside, scene, turn, until, viewer  # noqa: F401, fixtures
+from tests.app.driving import NEEDS_X, picture, turn, until
 
-pytestmark = test_window.pytestmark
+pytestmark = NEEDS_X
 
 
 @pytest.fixture
-def benchmark(viewer):  # noqa: F811
+def benchmark(viewer):
     return viewer.actions.benchmark
 
 
-def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path):  # noqa: F811
+def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path):
     before = viewer.state.settings
     viewer.state.buffer, viewer.state.level = "normal", 0
     viewer.state.inspector = True      # reads back, which must not disturb every frame
     turn(viewer, 2)
-    shown = test_window.picture(viewer)
+    shown = picture(viewer)
     assert shown.any()
     viewer.actions.start_benchmark()
     seen = set()
@@ -43,14 +42,14 @@ def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path)
     assert viewer.state.settings == viewer._renderer.settings == before
     assert viewer.state.buffer == "normal"
     assert not viewer._renderer.timers.waits or viewer._renderer.capabilities.software
-    assert (test_window.picture(viewer) == shown).all(), "the buffer is shown again, and is not random"
+    assert (picture(viewer) == shown).all(), "the buffer is shown again, and is not random"
     viewer.actions.save_benchmark()
     files = {path.suffix: path for path in tmp_path.iterdir()}
     assert files.keys() == {".json", ".csv", ".md"}
     assert len(json.loads(files[".json"].read_text())["rows"]) == 12
 
 
-def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):  # noqa: F811
+def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):
     drawn = []
     original = panel.draw_table
     monkeypatch.setattr(panel, "draw_table", lambda *found: (drawn.append(time.perf_counter()), original(*found)))
@@ -68,7 +67,7 @@ def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):
     assert viewer._renderer.settings == viewer.state.settings
 
 
-def test_what_happens_meanwhile(viewer, benchmark, scene):  # noqa: F811
+def test_what_happens_meanwhile(viewer, benchmark, scene):
     """Settings that change wait for the end; another scene ends it with a message."""
     viewer.actions.start_benchmark()
     turn(viewer, 2)
@@ -82,7 +81,7 @@ def test_what_happens_meanwhile(viewer, benchmark, scene):  # noqa: F811
     assert any("the benchmark ended" in toast.text for toast in viewer.state.toasts)
 
 
-def test_nothing_to_save_is_said(viewer, benchmark, tmp_path):  # noqa: F811
+def test_nothing_to_save_is_said(viewer, benchmark, tmp_path):
     with pytest.raises(UserError, match="nothing has been measured"):
         benchmark.save(tmp_path)
     viewer.actions.save_benchmark()

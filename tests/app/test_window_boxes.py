@@ -12,28 +12,14 @@ from ssil_viewer.app.panels import file_browser, messages
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.settings import Settings
-from tests.app import test_window
-from tests.app.test_window import (  # noqa: F401, fixtures
-    IMAGE_POINT,
-    click,
-    display,
-    drag,
-    egl_aside,
-    picture,
-    places,
-    scene,
-    turn,
-    until,
-    viewer,
-    xdotool,
-)
+from tests.app.driving import IMAGE_POINT, NEEDS_X, click, drag, turn, xdotool
 
-pytestmark = test_window.pytestmark
+pytestmark = NEEDS_X
 ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
 
 
 @pytest.fixture
-def field(viewer, monkeypatch):  # noqa: F811
+def field(viewer, monkeypatch):
     """The middle of the box's text field, in window units."""
     original, found = imgui.input_text, {}
 
@@ -47,7 +33,7 @@ def field(viewer, monkeypatch):  # noqa: F811
     return lambda: found["##folder"]
 
 
-def type_path(viewer, field, path):  # noqa: F811
+def type_path(viewer, field, path):
     xdotool(viewer, "mousemove", *IMAGE_POINT)
     xdotool(viewer, "key", "ctrl+o")
     assert viewer._gui.has_modal
@@ -58,14 +44,14 @@ def type_path(viewer, field, path):  # noqa: F811
     xdotool(viewer, "key", "Return")
 
 
-def test_a_path_that_is_typed_is_opened(viewer, field, tmp_path):  # noqa: F811
+def test_a_path_that_is_typed_is_opened(viewer, field, tmp_path):
     saved = tmp_path / "a.toml"
     saved.write_text("samples = 7")
     type_path(viewer, field, saved.name)
     assert not viewer._gui.has_modal and viewer.state.settings == Settings(samples=7)
 
 
-def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):  # noqa: F811
+def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):
     type_path(viewer, field, "b")
     browser = viewer._gui._browser
     assert viewer._gui.has_modal and browser._typed == "b" and "No such file" in browser._problem
@@ -75,7 +61,7 @@ def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):  # noqa: F811
         assert browser._problem
 
 
-def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer):  # noqa: F811
+def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer):
     xdotool(viewer, "mousemove", *IMAGE_POINT)
     xdotool(viewer, "key", "ctrl+o")
     xdotool(viewer, "key", "d")
@@ -87,7 +73,7 @@ def test_keys_of_the_picture_do_nothing_behind_a_box_and_escape_closes_it(viewer
     assert viewer.state.settings.show == "direct"
 
 
-def test_the_box_opens_beside_the_scene(viewer, tmp_path):  # noqa: F811
+def test_the_box_opens_beside_the_scene(viewer, tmp_path):
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "hall.glb").touch()
     for name in (str(tmp_path / "models" / "hall.glb"), "builtin:cornell"):     # the second is no file
@@ -97,7 +83,7 @@ def test_the_box_opens_beside_the_scene(viewer, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("opens", ["menu", "list"])
-def test_escape_closes_menus_and_lists(viewer, places, opens):  # noqa: F811
+def test_escape_closes_menus_and_lists(viewer, places, opens):
     turn(viewer)
     left, top, right, bottom = places["visibility"]
     click(viewer, (25, 8) if opens == "menu" else ((left + right) / 2, (top + bottom) / 2))
@@ -106,14 +92,14 @@ def test_escape_closes_menus_and_lists(viewer, places, opens):  # noqa: F811
     assert not imgui.is_popup_open("", ANY_POPUP)
 
 
-def test_escape_closes_the_help(viewer):  # noqa: F811
+def test_escape_closes_the_help(viewer):
     xdotool(viewer, "key", "F1")
     assert viewer.state.help_open
     xdotool(viewer, "key", "Escape")
     assert not viewer.state.help_open
 
 
-def test_a_drag_is_undone_at_once_and_made_again(viewer, places):  # noqa: F811
+def test_a_drag_is_undone_at_once_and_made_again(viewer, places):
     before = viewer.state.settings
     turn(viewer)
     left, top, right, bottom = places["samples"]
@@ -131,7 +117,7 @@ def test_a_drag_is_undone_at_once_and_made_again(viewer, places):  # noqa: F811
     assert viewer.state.toasts[-1].text == "Nothing to undo"
 
 
-def test_a_lamp_is_taken_back(viewer):  # noqa: F811
+def test_a_lamp_is_taken_back(viewer):
     before = viewer.state.lights
     viewer.state.lights = (*before, before[0])
     turn(viewer, 2)
@@ -141,7 +127,7 @@ def test_a_lamp_is_taken_back(viewer):  # noqa: F811
     assert viewer.state.toasts[-1].text == "Undone: lights"
 
 
-def test_undoing_a_lamp_that_moves_leaves_none_moving(viewer):  # noqa: F811
+def test_undoing_a_lamp_that_moves_leaves_none_moving(viewer):
     before = viewer.state.lights
     viewer.state.lights = (*before, before[0])
     turn(viewer, 2)
@@ -152,7 +138,7 @@ def test_undoing_a_lamp_that_moves_leaves_none_moving(viewer):  # noqa: F811
     assert viewer.state.lights == before and viewer.state.motion.light is None
 
 
-def test_settings_that_are_refused_are_nothing_to_undo(viewer, monkeypatch):  # noqa: F811
+def test_settings_that_are_refused_are_nothing_to_undo(viewer, monkeypatch):
     first = viewer.state.settings
     viewer.state.settings = second = first.replaced({"samples": 7})
     turn(viewer, 2)
@@ -170,14 +156,14 @@ def test_settings_that_are_refused_are_nothing_to_undo(viewer, monkeypatch):  # 
     assert viewer.state.settings == first
 
 
-def test_the_exposure_is_nothing_to_undo(viewer):  # noqa: F811
+def test_the_exposure_is_nothing_to_undo(viewer):
     viewer.state.settings = viewer.state.settings.replaced({"exposure": 2.0})
     turn(viewer, 2)
     viewer.actions.undo()
     assert viewer.state.settings.exposure == 2.0 and viewer.state.toasts[-1].text == "Nothing to undo"
 
 
-def test_an_environment_and_the_sun_that_it_replaced_come_back_together(viewer, tmp_path):  # noqa: F811
+def test_an_environment_and_the_sun_that_it_replaced_come_back_together(viewer, tmp_path):
     before = viewer.state.lights
     sky = Environment("sky", np.ones((4, 8, 3), np.float32))
     viewer.state.scene, viewer.state.lights = replace(viewer.state.scene, environment=sky), ()
@@ -190,7 +176,7 @@ def test_an_environment_and_the_sun_that_it_replaced_come_back_together(viewer, 
     assert viewer._renderer.environment is sky and viewer._renderer.lights == ()
 
 
-def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(viewer, monkeypatch):  # noqa: F811
+def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(viewer, monkeypatch):
     scene_of_file = viewer.state.scene.__class__("/a/very/long/path/of/folders/hall.glb")
     monkeypatch.setattr(viewer.state, "scene", scene_of_file)
     assert viewer.state.scene_title == "hall.glb"
@@ -199,7 +185,7 @@ def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(
     assert viewer._window.title == "hall.glb - SSIL Viewer"
 
 
-def test_framing_keeps_the_scene_beside_the_panel(viewer):  # noqa: F811
+def test_framing_keeps_the_scene_beside_the_panel(viewer):
     turn(viewer)
     viewer.actions.frame_scene()
     beside = viewer.state.camera.distance
@@ -209,7 +195,7 @@ def test_framing_keeps_the_scene_beside_the_panel(viewer):  # noqa: F811
     assert viewer.state.camera.distance < 0.9 * beside
 
 
-def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):  # noqa: F811
+def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):
     def blocks():
         """Share of pairs of columns, of the picture in the middle of the window, that are alike."""
         pixels = viewer._window_pixels().astype(int)

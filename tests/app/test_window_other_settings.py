@@ -15,26 +15,16 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.model import Light
 from ssil_viewer.settings import Settings, load_preset
-from tests.app import test_window
-from tests.app.test_window import (  # noqa: F401, fixtures
-    IMAGE_POINT,
-    display,
-    egl_aside,
-    picture,
-    scene,
-    turn,
-    viewer,
-    xdotool,
-)
+from tests.app.driving import IMAGE_POINT, NEEDS_X, picture, turn, xdotool
 
-pytestmark = test_window.pytestmark
+pytestmark = NEEDS_X
 
 
-def shown(viewer):  # noqa: F811
+def shown(viewer):
     return viewer._window_pixels().astype(int)
 
 
-def test_a_key_keeps_b_and_changes_are_those_of_a(viewer, tmp_path):  # noqa: F811
+def test_a_key_keeps_b_and_changes_are_those_of_a(viewer, tmp_path):
     viewer.state.settings = replace(viewer.state.settings, temporal=False)
     turn(viewer, 2)
     xdotool(viewer, "mousemove", *IMAGE_POINT)
@@ -70,7 +60,7 @@ def test_a_key_keeps_b_and_changes_are_those_of_a(viewer, tmp_path):  # noqa: F8
     assert not other.shown and other._other is None, "nothing of B is left"
 
 
-def test_b_follows_the_scene_the_light_the_size_and_the_buffer(viewer):  # noqa: F811
+def test_b_follows_the_scene_the_light_the_size_and_the_buffer(viewer):
     viewer.state.settings = replace(viewer.state.settings, temporal=False)
     viewer.actions.keep_settings()
     turn(viewer, 2)
@@ -104,7 +94,7 @@ def test_b_follows_the_scene_the_light_the_size_and_the_buffer(viewer):  # noqa:
     assert alike() and theirs._other.scene is arch
 
 
-def test_both_begin_their_means_together(viewer):  # noqa: F811
+def test_both_begin_their_means_together(viewer):
     viewer.actions.keep_settings()
     viewer.state.settings = replace(viewer.state.settings, samples=9)
     turn(viewer, 3)
@@ -115,7 +105,7 @@ def test_both_begin_their_means_together(viewer):  # noqa: F811
     assert other.frame_index == viewer._renderer.frame_index == 2
 
 
-def test_a_reference_goes_before_b_and_b_comes_back(viewer):  # noqa: F811
+def test_a_reference_goes_before_b_and_b_comes_back(viewer):
     viewer.actions.keep_settings()
     turn(viewer, 2)
     viewer.actions.set_reference("R1")
@@ -126,7 +116,7 @@ def test_a_reference_goes_before_b_and_b_comes_back(viewer):  # noqa: F811
     assert viewer.actions.other.shown and viewer.actions.reference.sums is None
 
 
-def test_what_does_not_fit_is_said(viewer, monkeypatch):  # noqa: F811
+def test_what_does_not_fit_is_said(viewer, monkeypatch):
     def refuse(*arguments, **named):
         raise UserError("no memory for B", "", "take a smaller window")
 
@@ -139,7 +129,7 @@ def test_what_does_not_fit_is_said(viewer, monkeypatch):  # noqa: F811
     assert viewer.frames == before + 1, "two turns show that B is no longer prepared"
 
 
-def test_the_command_line_begins_with_them(display, scene, tmp_path, monkeypatch):  # noqa: F811
+def test_the_command_line_begins_with_them(display, scene, tmp_path, monkeypatch):
     """`view --settings-b` takes a preset or a file, `--reference` a sum; mistakes are told before a window opens."""
     seen = []
 
@@ -159,7 +149,7 @@ def test_the_command_line_begins_with_them(display, scene, tmp_path, monkeypatch
     assert cli.main(["view", *flags, "--reference", "R3"]) == 2
 
 
-def test_the_command_line_scales_image_and_panels(display, monkeypatch):  # noqa: F811
+def test_the_command_line_scales_image_and_panels(display, monkeypatch):
     seen = []
 
     class Noted(window.Viewer):
@@ -175,7 +165,7 @@ def test_the_command_line_scales_image_and_panels(display, monkeypatch):  # noqa
 
 
 @pytest.mark.parametrize("name", ["Reference", "Settings A and B"])
-def test_the_parts_of_the_panel_can_be_drawn(viewer, monkeypatch, name):  # noqa: F811
+def test_the_parts_of_the_panel_can_be_drawn(viewer, monkeypatch, name):
     from ssil_viewer.app.panels import widgets
 
     drawn = []

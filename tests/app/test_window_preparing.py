@@ -15,19 +15,9 @@ from ssil_viewer.app.window import Viewer
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu import scene_rays
 from ssil_viewer.scene import default_camera
-from tests.app import test_window
-from tests.app.test_window import (  # noqa: F401, fixtures
-    SETTINGS,
-    SIZE,
-    display,
-    egl_aside,
-    scene,
-    turn,
-    until,
-    viewer,
-)
+from tests.app.driving import NEEDS_X, SETTINGS, SIZE, turn, until
 
-pytestmark = test_window.pytestmark
+pytestmark = NEEDS_X
 RAYS = replace(SETTINGS, unseen_samples=1)
 
 
@@ -46,12 +36,12 @@ def held(monkeypatch):
     event.set()
 
 
-def above_the_picture(viewer):  # noqa: F811
+def above_the_picture(viewer):
     """Pixels of the window where a message about what is prepared stands."""
     return viewer._window_pixels()[30:60, 330:].astype(int)
 
 
-def test_the_old_settings_go_on_until_the_new_ones_are_ready(viewer, held, tmp_path):  # noqa: F811
+def test_the_old_settings_go_on_until_the_new_ones_are_ready(viewer, held, tmp_path):
     plain = above_the_picture(viewer)
     viewer.state.settings = RAYS
     for _ in range(3):
@@ -74,7 +64,7 @@ def test_the_old_settings_go_on_until_the_new_ones_are_ready(viewer, held, tmp_p
     assert viewer.frames > frames + 5
 
 
-def test_the_message_stays_while_the_frame_compiles_and_goes_before_the_next(viewer, monkeypatch):  # noqa: F811
+def test_the_message_stays_while_the_frame_compiles_and_goes_before_the_next(viewer, monkeypatch):
     """So it is where nothing is compiled beside the window: with all drivers but llvmpipe."""
     monkeypatch.setattr(compile_ahead, "helps", lambda capabilities: False)
     viewer.state.settings = replace(SETTINGS, mip_filter="average")
@@ -96,7 +86,7 @@ def test_the_message_stays_while_the_frame_compiles_and_goes_before_the_next(vie
     assert said == ["Compiling shaders for these settings", "", ""]
 
 
-def test_what_compiles_nothing_comes_at_once_and_says_nothing(viewer):  # noqa: F811
+def test_what_compiles_nothing_comes_at_once_and_says_nothing(viewer):
     for change in ({"samples": 6}, {"radius": 40.0}, {"exposure": 1.0}, {"show": "direct"}, {"thickness": 0.2},
                    {"shadow_resolution": 256}, {"temporal_frames": 9}):
         viewer.state.settings = viewer.state.settings.replaced(change)
@@ -106,7 +96,7 @@ def test_what_compiles_nothing_comes_at_once_and_says_nothing(viewer):  # noqa: 
         assert viewer.state.preparing == "", change
 
 
-def test_what_cannot_be_prepared_leaves_the_old_settings_and_says_so(viewer, monkeypatch):  # noqa: F811
+def test_what_cannot_be_prepared_leaves_the_old_settings_and_says_so(viewer, monkeypatch):
     def refuse(*arguments):
         raise UserError("too many triangles", "cornell", "take fewer")
 
@@ -120,7 +110,7 @@ def test_what_cannot_be_prepared_leaves_the_old_settings_and_says_so(viewer, mon
     assert viewer.frames > frames
 
 
-def test_taking_settings_back_ends_the_message(viewer, held):  # noqa: F811
+def test_taking_settings_back_ends_the_message(viewer, held):
     viewer.state.settings = RAYS
     viewer.step()
     viewer.step()
@@ -130,9 +120,9 @@ def test_taking_settings_back_ends_the_message(viewer, held):  # noqa: F811
     assert viewer.state.preparing == "" and viewer._renderer.settings == SETTINGS
 
 
-def test_before_the_first_frame_the_window_says_that_it_compiles(display, scene):  # noqa: F811
+def test_before_the_first_frame_the_window_says_that_it_compiles(display, scene):
     window = open_window("test", SIZE, vsync=False)
-    viewer = Viewer(window, scene, SETTINGS, default_camera(scene), vsync=False)  # noqa: F811
+    viewer = Viewer(window, scene, SETTINGS, default_camera(scene), vsync=False)
     viewer.state.timings_visible = False
     try:
         for _ in range(3):
@@ -150,7 +140,7 @@ def test_before_the_first_frame_the_window_says_that_it_compiles(display, scene)
         window.destroy()
 
 
-def test_closing_the_window_waits_for_what_compiles(display, scene, monkeypatch):  # noqa: F811
+def test_closing_the_window_waits_for_what_compiles(display, scene, monkeypatch):
     started = threading.Event()
 
     def compile(ahead, context):
@@ -160,7 +150,7 @@ def test_closing_the_window_waits_for_what_compiles(display, scene, monkeypatch)
     monkeypatch.setattr(compile_ahead.Ahead, "compile_on", compile)
     monkeypatch.setattr(compile_ahead, "helps", lambda capabilities: True)
     window = open_window("test", SIZE, vsync=False)
-    viewer = Viewer(window, scene, SETTINGS, default_camera(scene), vsync=False)  # noqa: F811
+    viewer = Viewer(window, scene, SETTINGS, default_camera(scene), vsync=False)
     try:
         until(viewer, lambda: viewer.frames == 1)
         viewer.state.settings = replace(SETTINGS, mip_filter="average")

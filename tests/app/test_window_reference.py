@@ -15,24 +15,13 @@ from ssil_viewer.reference.all_pixels import irradiance, read_surfaces
 from ssil_viewer.reference.gpu_pictures import SIGNED
 from ssil_viewer.reference.metrics import agreement, block_means
 from ssil_viewer.scene import load_scene
-from tests.app import test_window
-from tests.app.test_window import (  # noqa: F401, fixtures
-    IMAGE_POINT,
-    display,
-    drag,
-    egl_aside,
-    scene,
-    turn,
-    until,
-    viewer,
-    xdotool,
-)
+from tests.app.driving import IMAGE_POINT, NEEDS_X, drag, turn, until, xdotool
 
-pytestmark = test_window.pytestmark
+pytestmark = NEEDS_X
 
 
 @pytest.fixture
-def small(viewer, monkeypatch):  # noqa: F811
+def small(viewer, monkeypatch):
     """The window with few pixels to compare, whose numbers come with every turn."""
     monkeypatch.setattr(window_reference, "_NUMBERS_INTERVAL", 0.0)
     viewer.state.render_scale = 0.25
@@ -45,14 +34,14 @@ def reference(small):
     return small.actions.reference
 
 
-def converged(viewer):  # noqa: F811
+def converged(viewer):
     found = viewer.actions.reference
     until(viewer, lambda: found.sums is not None and found.sums.done and found.numbers is not None, 60)
     turn(viewer, 2)
     return found
 
 
-def shown(viewer):  # noqa: F811
+def shown(viewer):
     """(H, W, 3) of the window, panels included, as int."""
     return viewer._window_pixels().astype(int)
 

@@ -1,0 +1,127 @@
+"""The exposure that the real window chooses by itself."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import ssil_viewer
+from ssil_viewer import cli
+from ssil_viewer.app import window as app_window
+from ssil_viewer.metering import metered_exposure
+from ssil_viewer.scene import load_scene
+from ssil_viewer.scene.environment import Environment
+from ssil_viewer.settings import Settings
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, picture, turn, until, xdotool
+
+pytestmark = NEEDS_X
+
+
+@pytest.fixture
+def dim(scene):
+    """The Cornell box with a lamp that is nine stops weaker."""
+    lights = tuple(dataclasses.replace(light, intensity=light.intensity / 500) for light in scene.lights)
+    return dataclasses.replace(scene, name="dim", lights=lights)
+
+
+def open_in(viewer, scene):
+    """Open a scene in the window as if it had been loaded from a file."""
+    viewer.actions._loader._load = lambda source: scene
+    viewer.actions.open_scene(scene.name)
+    until(viewer, lambda: not viewer.state.loading)
+    turn(viewer)
+
+
+def test_a_dark_scene_opens_with_an_exposure_of_its_own(viewer, scene, dim):
+    state = viewer.state
+    viewer.actions.exposure.start()
+    turn(viewer)
+    assert state.settings.exposure == 0.0, "the box itself needs none"
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    assert chosen > 5.0 and viewer._renderer.settings.exposure == chosen
+    assert picture(viewer).mean() > 40
+    open_in(viewer, scene)
+    assert state.settings.exposure == 0.0, "the next scene is looked at anew"
+    # A lamp that is added is, too: by a file or as an environment
+    open_in(viewer, dim)
+    viewer.actions._set_environment(Environment("white", np.ones((8, 16, 3), np.float32)))
+    turn(viewer)
+    assert state.settings.exposure == 0.0
+
+
+def test_an_exposure_that_the_user_chose_stays(viewer, scene, dim):
+    state = viewer.state
+    open_in(viewer, dim)
+    assert state.settings.exposure == 0.0, "as given on the command line"
+    viewer.actions.exposure.start()
+    turn(viewer)
+    chosen = state.settings.exposure
+    assert chosen > 5.0
+    viewer.actions.set_settings(Settings())     # a right click, or Reset all
+    open_in(viewer, dim)
+    assert state.settings.exposure == 0.0
+    # What is chosen while the first frame is still prepared is not thrown away
+    viewer.actions.exposure.start()
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=1.0))
+    turn(viewer)
+    assert state.settings.exposure == 1.0
+
+
+def test_a_reload_keeps_the_exposure_and_a_saved_picture_brings_its_own(viewer, dim, tmp_path):
+    state = viewer.state
+    viewer.actions.exposure.start()
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=chosen - 1.0))
+    viewer.actions.save_image()
+    viewer.actions.reload_scene()
+    until(viewer, lambda: not state.loading)
+    turn(viewer)
+    assert state.settings.exposure == chosen - 1.0
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=3.0))
+    state.scene = dataclasses.replace(state.scene, name="another")
+    viewer.window.dropped(list(tmp_path.glob("*.png")))
+    until(viewer, lambda: not state.loading)
+    turn(viewer)
+    assert state.settings.exposure == chosen - 1.0
+
+
+@pytest.mark.parametrize("show", ["both", "direct", "indirect", "glossy"])
+def test_the_exposure_is_that_of_the_light_that_is_shown(viewer, show):
+    """As metered from what a renderer that keeps everything has: M reads other buffers."""
+    settings = dataclasses.replace(SETTINGS, samples=32)
+    glossy = load_scene("builtin:glossy")
+    images = ssil_viewer.render(glossy, size=viewer._renderer.size, settings=settings, frames=8)
+    parts = {"both": images["final"], "direct": images["direct"], "glossy": images["glossy"],
+             "indirect": images["final"] - images["direct"]}
+    viewer.state.settings = settings
+    open_in(viewer, glossy)
+    viewer.actions.show(show)
+    turn(viewer, 8)
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "m")
+    expected = metered_exposure(parts[show], images["view_depth"] > 0)
+    assert viewer.state.settings.exposure == pytest.approx(expected, abs=0.4)
+
+
+def test_without_light_the_exposure_stays(viewer):
+    viewer.state.lights = ()
+    viewer.actions.set_settings(dataclasses.replace(viewer.state.settings, exposure=2.0, temporal=False))
+    turn(viewer)
+    viewer.actions.meter_exposure()
+    turn(viewer)
+    assert viewer.state.settings.exposure == 2.0
+    assert any("Nothing shines" in toast.text for toast in viewer.state.toasts)
+
+
+@pytest.mark.parametrize(("flags", "looked_at"), [
+    ([], True), (["--exposure", "0"], False), (["--exposure", "2"], False), (["--samples", "9"], True)])
+def test_the_window_may_choose_where_the_command_line_does_not(monkeypatch, flags, looked_at):
+    given = {}
+    monkeypatch.setattr(app_window, "run_window", lambda **options: given.update(options))
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert cli.main(["view", "builtin:cornell", *flags]) == 0
+    assert given["choose_exposure"] == looked_at

@@ -1,0 +1,115 @@
+"""What the real window opens and saves: scenes, pictures, lights, environments."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ssil_viewer import output
+from ssil_viewer.app import saved_view, theme
+from ssil_viewer.scene.model import Light
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SIZE, picture, turn, until, xdotool
+
+pytestmark = NEEDS_X
+
+
+def test_pictures_are_saved_with_and_without_panels(viewer, tmp_path):
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "F12")
+    path, = tmp_path.glob("*.png")
+    image = np.asarray(Image.open(path))
+    assert image.shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
+    assert np.abs(image.astype(int) - picture(viewer)).mean() < 2.0   # the temporal filter has gone on since
+    stored = saved_view.load_picture(path)
+    assert stored.settings == viewer.state.settings and stored.scene == "builtin:cornell"
+    assert stored.camera.eye == pytest.approx(viewer.state.camera.eye)
+    xdotool(viewer, "key", "shift+F12")
+    other, = set(tmp_path.glob("*.png")) - {path}
+    window = np.asarray(Image.open(other)).astype(int)
+    assert window.shape == (SIZE[1], SIZE[0], 3)
+    panel = [round(255 * channel) for channel in theme._COLORS["menu_bar_bg"][:3]]
+    assert np.abs(window[4, 500] - panel).max() < 16
+    seen, saved = window[IMAGE_POINT[1], IMAGE_POINT[0]], image[IMAGE_POINT[1] // 2, IMAGE_POINT[0] // 2]
+    assert np.abs(seen - saved).max() < 16
+
+
+def test_a_dropped_picture_brings_settings_camera_and_lights_back(viewer, tmp_path):
+    lights = viewer.state.lights = (dataclasses.replace(viewer.state.lights[0], intensity=3.0, name="dim"),)
+    turn(viewer)
+    viewer.actions.save_image()
+    saved = saved_view.load_picture(next(tmp_path.glob("*.png")))
+    viewer.actions.show("indirect")
+    viewer.state.camera.rotate(0.3, 0.1)
+    viewer.state.lights = ()
+    viewer.window.dropped(list(tmp_path.glob("*.png")))
+    turn(viewer)
+    assert viewer._renderer.settings == saved.settings and viewer._renderer.lights == saved.lights == lights
+    assert viewer.state.camera.eye == pytest.approx(saved.camera.eye)
+
+
+def test_lights_are_saved_as_they_are_and_dropped_again(viewer, tmp_path):
+    viewer.state.lights = (Light("sphere", "ball", intensity=5.0, position=(0.1, 1.0, 0.2), radius=0.25),)
+    viewer.actions.save_lights()
+    path, = tmp_path.glob("ssil-lights-*.toml")
+    saved, viewer.state.lights = viewer.state.lights, ()
+    viewer.window.dropped([path])
+    turn(viewer)
+    assert viewer._renderer.lights == saved
+
+
+def test_a_scene_is_loaded_beside_the_window_and_a_broken_one_leaves_the_old(viewer, scene, tmp_path):
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(b"glTF but not really")
+    viewer.window.dropped([broken])
+    assert viewer.state.loading
+    until(viewer, lambda: not viewer.state.loading)
+    assert any(toast.kind == "error" and "broken.glb" in toast.text for toast in viewer.state.toasts)
+    assert viewer.state.scene is scene and viewer._renderer.scene is scene
+    viewer.actions.open_scene("builtin:arch")
+    until(viewer, lambda: not viewer.state.loading)
+    turn(viewer)
+    assert viewer.state.scene.name == viewer._renderer.scene.name == "builtin:arch"
+
+
+def test_an_environment_and_lights_are_opened_like_scenes(viewer, tmp_path):
+    """Its own sun goes when a map comes, a broken map changes nothing, and a scene opened later keeps the map."""
+    sky = tmp_path / "sky.exr"
+    output.write_exr(sky, {"": np.full((8, 16, 3), 0.5, np.float32)})
+    (tmp_path / "broken.hdr").write_bytes(b"nothing")
+    (tmp_path / "lamp.toml").write_text("keep = true\n[[light]]\nkind = 'disc'\nname = 'lamp'")
+    viewer.actions.open_path(sky)
+    turn(viewer, 2)
+    environment = viewer._renderer.environment
+    assert environment.name == str(sky) and "sky" in viewer._renderer.buffers()
+    viewer.actions.open_path(tmp_path / "broken.hdr")
+    turn(viewer, 2)
+    assert viewer._renderer.environment is environment
+    assert "broken.hdr" in viewer.state.toasts[-1].text
+    viewer.actions.open_path(tmp_path / "lamp.toml")
+    turn(viewer, 2)
+    assert viewer._renderer.lights[-1].name == "lamp" and len(viewer._renderer.lights) == 2
+    viewer.actions.open_scene("builtin:arch")
+    until(viewer, lambda: viewer.state.scene.name == "builtin:arch")
+    turn(viewer, 2)
+    assert viewer._renderer.environment is environment
+    viewer.actions.remove_environment()
+    turn(viewer, 2)
+    assert viewer._renderer.environment is None and "sky" not in viewer._renderer.buffers()
+
+
+def test_a_clear_sky_goes_with_the_sun(viewer, tmp_path):
+    """The default sun stays beside it, also in a scene opened later, and comes back from under clouds."""
+    path = tmp_path / "box.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for name, suns in (("sky", 1), ("overcast", 0), ("sky", 1)):
+        viewer.actions.open_environment(Path(f"builtin:{name}"))
+        if viewer.state.scene.name != str(path):
+            viewer.actions.open_scene(str(path))
+            until(viewer, lambda: viewer.state.scene.name == str(path))
+        turn(viewer, 2)
+        assert viewer._renderer.environment.name == f"builtin:{name}"
+        assert [light.name for light in viewer._renderer.lights] == ["default sun"] * suns
