@@ -65,3 +65,10 @@ const float LEAST_AGREEMENT = 0.01;
 float apart_in_depth(Surface tap, Surface receiver) {
     return tap.view_depth > 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e29;
 }
+
+// Weights of three taps that add up to LEAST_AGREEMENT at least. apart: as of `apart_in_depth`.
+vec3 made_up(vec3 weights, vec3 apart) {
+    float missing = max(LEAST_AGREEMENT - (weights.x + weights.y + weights.z), 0.0);
+    bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
+    return weights + vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
+}

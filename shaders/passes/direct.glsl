@@ -6,30 +6,25 @@
 #ifdef HAS_SKY
 #include "lib/bilateral.glsl"
 #include "lib/environment.glsl"
+#include "lib/taps.glsl"
 
-// Share of the environment's light that arrives, from the four texels of the starting level around the pixel.
+// Share of the environment's light that arrives, from the texel of the starting level around the pixel and the nearest along
+// either axis.
 vec3 sky_share(ivec2 px, Surface receiver) {
     ivec2 last = size_sky() - 1;
-    vec2 at = (vec2(px) + 0.5) / start_texel - 0.5, corner = floor(at), f = at - corner;
+    Taps taps = nearest_taps((vec2(px) + 0.5) / start_texel);
     Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
-    Slant slanted = slant(receiver.normal, ivec2(corner), frame.ray_scale * start_texel);
-    vec3 sum = vec3(0.0), nearest = vec3(1.0);
-    float total = 0.0, closest = 1e30;
-    for (int i = 0; i < 4; ++i) {
-        ivec2 offset = ivec2(i & 1, i >> 1), place = clamp(ivec2(corner) + offset, ivec2(0), last);
-        float kernel = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
-        Surface tap = load_start_surface(place);
-        vec3 share = load_sky(place).rgb;
-        float weight = kernel * agreement(plane, slanted, tap, vec2(place - ivec2(corner)));
-        sum += share * weight;
-        total += weight;
-        float apart = apart_in_depth(tap, receiver);
-        if (apart < closest) {
-            closest = apart;
-            nearest = share;
-        }
+    Slant slanted = slant(receiver.normal, taps.at[0], frame.ray_scale * start_texel);
+    vec3 shares[3], weights, apart;
+    for (int i = 0; i < 3; ++i) {
+        ivec2 at = clamp(taps.at[i], ivec2(0), last);
+        Surface tap = load_start_surface(at);
+        shares[i] = load_sky(at).rgb;
+        weights[i] = taps.weights[i] * agreement(plane, slanted, tap, vec2(at - taps.at[0]));
+        apart[i] = apart_in_depth(tap, receiver);
     }
-    return (sum + nearest * max(LEAST_AGREEMENT - total, 0.0)) / max(total, LEAST_AGREEMENT);
+    weights = made_up(weights, apart);
+    return (shares[0] * weights.x + shares[1] * weights.y + shares[2] * weights.z) / (weights.x + weights.y + weights.z);
 }
 
 vec3 environment_background(vec2 ray) {

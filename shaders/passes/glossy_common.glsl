@@ -34,49 +34,40 @@ float reflection_agreement(Reflector receiver, Surface tap, float tap_roughness,
     return tap.view_depth > 0.0 && tap_roughness >= 0.0 ? weight : 0.0;
 }
 
-// Weighted mean of reflections, and the one nearest in depth, for when nobody agrees (LEAST_AGREEMENT).
+// Sums over reflections.
 struct ReflectionSum {
-    vec3 sum;
+    vec3 radiance;
     float squares;      // of luminance
-    float deviation;    // spread times luminance
-    float total;
-    Reflection nearest;
-    float apart;
+    float total;        // of the weights
 };
-
-ReflectionSum no_reflection() {
-    return ReflectionSum(vec3(0.0), 0.0, 0.0, 0.0, Reflection(vec3(0.0), 0.0, 0.0), 1e30);
-}
 
 void add_reflection(inout ReflectionSum sum, Reflection tap, float weight) {
     float light = luminance(tap.radiance);
-    sum.sum += tap.radiance * weight;
+    sum.radiance += tap.radiance * weight;
     sum.squares += light * light * weight;
-    sum.deviation += tap.spread * light * weight;
     sum.total += weight;
 }
 
-// apart: distance in depth.
-void add_reflection(inout ReflectionSum sum, Reflection tap, float weight, float apart) {
-    add_reflection(sum, tap, weight);
-    if (tap.roughness >= 0.0 && apart < sum.apart) {
-        sum.apart = apart;
-        sum.nearest = tap;
-    }
+// For `made_up`: distance in depth of a tap to a receiver; farther than any if nothing reflects there.
+float apart_in_depth(Surface tap, Reflection reflection, Surface receiver) {
+    return reflection.roughness >= 0.0 ? abs(tap.view_depth - receiver.view_depth) : 1e30;
 }
 
-// The mean, with the mean of the spreads.
-Reflection mean_reflection(ReflectionSum sum, float roughness) {
-    float missing = max(LEAST_AGREEMENT - sum.total, 0.0);
-    vec3 mean = (sum.sum + sum.nearest.radiance * missing) / (sum.total + missing);
-    float deviation = (sum.deviation + sum.nearest.spread * luminance(sum.nearest.radiance) * missing)
-                    / (sum.total + missing);
-    return Reflection(mean, roughness, deviation / max(luminance(mean), 1e-12));
+// The mean of three taps, and of their spreads.
+Reflection mean_reflection(Reflection taps[3], vec3 weights, float roughness) {
+    vec3 sum = vec3(0.0);
+    float deviation = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        vec3 share = taps[i].radiance * weights[i];
+        sum += share;
+        deviation += luminance(share) * taps[i].spread;
+    }
+    return Reflection(sum / (weights.x + weights.y + weights.z), roughness, deviation / max(luminance(sum), 1e-12));
 }
 
 // The mean with the spread of what it was taken of, the receiver itself among it, which agrees.
 Reflection measured_reflection(ReflectionSum sum, float roughness) {
-    vec3 mean = sum.sum / sum.total;
+    vec3 mean = sum.radiance / sum.total;
     float light = luminance(mean);
     float variance = sum.squares / sum.total - light * light;
     return Reflection(mean, roughness, sqrt(max(variance, 0.0)) / max(light, 1e-12));

@@ -37,14 +37,16 @@ Reflection reflection_at(ivec2 px, Surface receiver, float roughness) {
 #else
     Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
     Reflector reflector = make_reflector(receiver, plane, roughness, taps.at[0], frame.ray_scale * texel);
-    ReflectionSum sum = no_reflection();
+    Reflection reflections[3];
+    vec3 weights, apart;
     for (int i = 0; i < 3; ++i) {
         ivec2 at = clamp(taps.at[i], ivec2(0), last);
-        Reflection tap = tap_reflection(i, at);
         Surface there = tap_surface(i, at);
-        float weight = taps.weights[i] * reflection_agreement(reflector, there, tap.roughness, vec2(at - taps.at[0]));
-        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
+        reflections[i] = tap_reflection(i, at);
+        weights[i] = taps.weights[i]
+                   * reflection_agreement(reflector, there, reflections[i].roughness, vec2(at - taps.at[0]));
+        apart[i] = apart_in_depth(there, reflections[i], receiver);
     }
-    return mean_reflection(sum, roughness);
+    return mean_reflection(reflections, made_up(weights, apart), roughness);
 #endif
 }

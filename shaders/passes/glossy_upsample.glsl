@@ -9,7 +9,7 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
 #if UPSAMPLING == 1
     return own;
 #else
-    ReflectionSum sum = no_reflection();
+    ReflectionSum sum = ReflectionSum(vec3(0.0), 0.0, 0.0);
     if (own.roughness >= 0.0) {
         ivec2 last = size_glossy_gather() - 1;
         Reflector reflector = make_reflector(receiver, plane, own.roughness, px, frame.ray_scale * texel);
@@ -25,11 +25,8 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
             }
         } while ((row += PARTS) < WINDOW_ROWS);
     }
-    PartSum all = sum_of_parts(PartSum(vec4(sum.sum, sum.total), vec4(sum.squares), vec4(0.0)));
-    sum.sum = all.a.rgb;
-    sum.total = all.a.a;
-    sum.squares = all.b.x;
-    return measured_reflection(sum, own.roughness);
+    PartSum all = sum_of_parts(PartSum(vec4(sum.radiance, sum.total), vec4(sum.squares), vec4(0.0)));
+    return measured_reflection(ReflectionSum(all.a.rgb, all.b.x, all.a.a), own.roughness);
 #endif
 }
 
@@ -39,19 +36,20 @@ Reflection from_coarser(ivec2 px, Surface receiver, Plane plane, float roughness
 #if UPSAMPLING == 1
     return load_coarse(min(px / 2, last));
 #else
-    ivec2 own = px / 2;
-    ivec2 next = own + (px & 1) * 2 - 1;
+    // The texel's own coarse one and the nearest along either axis, as in upsample.glsl
+    ivec2 own = px / 2, next = clamp(own + (px & 1) * 2 - 1, ivec2(0), last);
     Reflector reflector = make_reflector(receiver, plane, roughness, own, frame.ray_scale * (texel * 2.0));
-    ReflectionSum sum = no_reflection();
-    for (int i = 0; i < 4; ++i) {
-        ivec2 at = clamp(ivec2((i & 1) == 0 ? own.x : next.x, (i & 2) == 0 ? own.y : next.y), ivec2(0), last);
-        Reflection tap = load_coarse(at);
-        Surface there = load_coarse_surface(at);
-        float kernel = ((i & 1) == 0 ? 0.75 : 0.25) * ((i & 2) == 0 ? 0.75 : 0.25);
-        float weight = kernel * reflection_agreement(reflector, there, tap.roughness, vec2(at - own));
-        add_reflection(sum, tap, weight, abs(there.view_depth - receiver.view_depth));
+    ivec2 taps[3] = ivec2[](own, ivec2(next.x, own.y), ivec2(own.x, next.y));
+    Reflection reflections[3];
+    vec3 weights, apart;
+    for (int i = 0; i < 3; ++i) {
+        Surface there = load_coarse_surface(taps[i]);
+        reflections[i] = load_coarse(taps[i]);
+        weights[i] = (i == 0 ? 0.5 : 0.25)
+                   * reflection_agreement(reflector, there, reflections[i].roughness, vec2(taps[i] - own));
+        apart[i] = apart_in_depth(there, reflections[i], receiver);
     }
-    return mean_reflection(sum, roughness);
+    return mean_reflection(reflections, made_up(weights, apart), roughness);
 #endif
 }
 #endif

@@ -120,12 +120,10 @@ Sum from_coarser(ivec2 px, Surface receiver, Plane plane) {
         weights[i] = (i == 0 ? 0.5 : 0.25) * agreement(plane, slanted, tap, vec2(taps[i] - own));
         apart[i] = apart_in_depth(tap, receiver);
     }
-    float total = weights.x + weights.y + weights.z, missing = max(LEAST_AGREEMENT - total, 0.0);
-    bool first = apart.x <= min(apart.y, apart.z), second = !first && apart.y <= apart.z;
-    weights += vec3(first ? missing : 0.0, second ? missing : 0.0, first || second ? 0.0 : missing);
+    weights = made_up(weights, apart);
     Sum sum = NO_LIGHT;
     for (int i = 0; i < 3; ++i) add(sum, tap_lobe(i, taps[i]), normals[i], receiver.normal, weights[i]);
-    return scaled(sum, 1.0 / max(total, LEAST_AGREEMENT));
+    return scaled(sum, 1.0 / (weights.x + weights.y + weights.z));
 #endif
 }
 #endif
