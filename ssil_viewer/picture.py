@@ -10,37 +10,37 @@ import numpy as np
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import Target, TargetSet
 from ssil_viewer.pass_runner import PassRunner
-from ssil_viewer.passes import Antialias, Composite, Dispatch
-from ssil_viewer.passes.antialias import smooths_edges
+from ssil_viewer.passes import Antialias, Composite
 from ssil_viewer.passes.base import switch
+from ssil_viewer.settings import Settings
 
-PICTURE_TARGETS = {name: replace(Composite.writes[name], exists=lambda settings: True)
-                   for name in ("display", "aliased")}
-"""What `draw_picture` draws to."""
+PICTURE_TARGETS = {name: Composite.writes[name] for name in ("display", "aliased")}
+"""What `draw_picture` draws to, under the settings that it is given."""
 
 
-def draw_picture(runner: PassRunner, variant: Variant, targets: TargetSet, inputs: dict[str, moderngl.Texture],
-                 uniforms: dict[str, object]) -> moderngl.Texture:
-    """Run `Composite` with other inputs, under the runner's settings.
+def draw_picture(runner: PassRunner, variant: Variant, settings: Settings, targets: TargetSet,
+                 inputs: dict[str, moderngl.Texture], uniforms: dict[str, object]) -> moderngl.Texture:
+    """Run `Composite` with other inputs.
 
     Args:
-        variant: As that pass would compile under these settings, but for its inputs; writes the display alone.
-        targets: Has `PICTURE_TARGETS`, in the size of the image.
+        variant: As that pass compiles under these settings, but for its inputs; writes the display alone.
+        settings: Those of the runner, but that antialiasing may differ.
+        targets: Has `PICTURE_TARGETS` under these settings, in the size of the image.
 
     Returns:
         Their `display`.
     """
-    smooth = smooths_edges(runner.settings)
-    drawn = targets.texture("aliased" if smooth else "display")
+    drawn, _ = Composite.drawn_to(settings)
     runner.unbind()
-    runner.shade(variant, targets, inputs, {"display": drawn}, uniforms)
-    if smooth:
-        variant, _, _ = runner.bind(Antialias(), Dispatch())
-        runner.shade(variant, targets, {"aliased": drawn}, {"display": targets.texture("display")}, {})
+    runner.shade(variant, targets, inputs, {"display": targets.texture(drawn)}, uniforms)
+    if drawn == "aliased":
+        smoothing = Variant(Antialias.shader, ((drawn, Composite.writes[drawn].format),), (),
+                            (("display", Composite.writes["display"].format),), ())
+        runner.shade(smoothing, targets, {drawn: targets.texture(drawn)}, {"display": targets.texture("display")}, {})
     return targets.texture("display")
 
 
-def picture_of(runner: PassRunner, radiance: np.ndarray) -> np.ndarray:
+def picture_of(runner: PassRunner, radiance: np.ndarray, antialias: bool) -> np.ndarray:
     """How the display would show an image.
 
     Args:
@@ -49,20 +49,19 @@ def picture_of(runner: PassRunner, radiance: np.ndarray) -> np.ndarray:
     Returns:
         (H, W, 3) uint8, sRGB-encoded, row 0 = top.
     """
-    settings, (width, height) = runner.settings, runner.size
-    smooth = smooths_edges(settings)
+    settings, (width, height) = replace(runner.settings, antialias=antialias), runner.size
+    drawn, smoothed = Composite.drawn_to(settings)
     defines = (switch("SHOW", "direct", Composite.shows), switch("TONE_MAP", settings.tone_map, Composite.tone_maps),
-               *([Composite.smoothed] if smooth else []))
-    written = Composite.writes["aliased" if smooth else "display"].format
-    variant = Variant(Composite.shader, (("direct", "rgba16f"),), (), (("display", written),), (("band", "ivec2"),),
-                      defines)
+               *smoothed)
+    variant = Variant(Composite.shader, (("direct", "rgba16f"),), (), (("display", Composite.writes[drawn].format),),
+                      (("band", "ivec2"),), defines)
     scratch = TargetSet(runner.context, runner.size, settings,
                         {"direct": Target("rgba16f", "", cropped=True), **PICTURE_TARGETS})
     texels = np.zeros((height, width, 4), np.float16)
     texels[..., :3] = np.clip(radiance[::-1], 0.0, np.finfo(np.float16).max)
     try:
         scratch.texture("direct").write(texels.tobytes())
-        return read_picture(draw_picture(runner, variant, scratch, {"direct": scratch.texture("direct")},
+        return read_picture(draw_picture(runner, variant, settings, scratch, {"direct": scratch.texture("direct")},
                                          {"band": (0, 0)}))
     finally:
         scratch.release()

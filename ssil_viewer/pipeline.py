@@ -395,17 +395,17 @@ class Renderer:
         """
         return self._views.read(name, level)
 
-    def displayed(self, radiance: np.ndarray) -> np.ndarray:
-        """How `display` would show an image under the settings of the last frame: exposure, tone curve, sRGB and
-        smooth edges.
+    def displayed(self, radiance: np.ndarray, antialias: bool = False) -> np.ndarray:
+        """How `display` would show an image under the settings of the last frame: exposure, tone curve and sRGB.
 
         Args:
             radiance: (H, W, 3) of the renderer's size, linear, row 0 = top, in `final`'s unit.
+            antialias: Smooth its edges, too. Errors are measured without.
 
         Returns:
             (H, W, 3) uint8, sRGB-encoded, row 0 = top.
         """
-        return picture_of(self._runner, radiance)
+        return picture_of(self._runner, radiance, antialias)
 
     def read_stored(self, target: str, level: int = 0) -> np.ndarray:
         """Texels of a render target as they are stored, (H, W, C), row 0 = top, with the guard band.

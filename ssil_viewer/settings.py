@@ -267,7 +267,7 @@ class Settings:
         "aces (filmic contrast; darkens the shadows where indirect light is), reinhard (flat), linear (clips).",
         affects="display", group="Display")] = "neutral"
     antialias: Annotated[bool, Knob(
-        "Smooth the edges of the picture, by what it shows itself: one pass of constant cost. Never touches exported "
+        "Smooth the edges of the picture, by what it shows itself, in one pass at its end. Never touches exported "
         "values.", affects="display", group="Display")] = True
     shadow_resolution: Annotated[int, Knob(
         "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
@@ -348,6 +348,11 @@ class Settings:
 def knobs() -> tuple[KnobInfo, ...]:
     """All settings in the order of their definition."""
     return _KNOBS
+
+
+def of_display(settings: Settings) -> dict[str, Any]:
+    """Name -> value of what concerns the display alone."""
+    return {info.name: getattr(settings, info.name) for info in knobs() if info.knob.affects == "display"}
 
 
 def load_settings(path: Path, base: Settings | None = None) -> Settings:

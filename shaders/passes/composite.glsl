@@ -1,5 +1,5 @@
-// The picture: direct light plus albedo times irradiance over pi plus glossy reflection, then exposure, tone mapping and the one and
-// only sRGB encoding. SHOW: 0 both, 1 direct, 2 indirect, 3 glossy. TONE_MAP: 0 aces, 1 neutral, 2 reinhard, 3 linear.
+// The picture: direct light plus albedo times irradiance over pi plus glossy reflection, then exposure, tone mapping and sRGB
+// encoding. SHOW: 0 both, 1 direct, 2 indirect, 3 glossy. TONE_MAP: 0 aces, 1 neutral, 2 reinhard, 3 linear.
 // Here the guard band is cut off: `band` is where the image begins in what was rendered.
 #include "lib/brdf.glsl"
 #include "lib/color.glsl"

@@ -13,6 +13,7 @@ from ssil_viewer.app import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_actions import CameraActions, WindowControl, shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice
+from ssil_viewer.app.light_actions import LightActions
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.other_settings import OtherSettings, with_display_of
 from ssil_viewer.app.reference import WindowReference
@@ -22,16 +23,14 @@ from ssil_viewer.app.undo import History, Snapshot, difference
 from ssil_viewer.errors import UserError
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
-from ssil_viewer.scene.environment import Environment, load_environment
-from ssil_viewer.scene.light_file import is_light_file, with_lights
-from ssil_viewer.scene.lights import with_default_light, without_default_light
+from ssil_viewer.scene.light_file import is_light_file
 from ssil_viewer.scene.model import Camera, Light
-from ssil_viewer.settings import Settings, load_preset, load_settings
+from ssil_viewer.settings import Settings, load_preset, load_settings, of_display
 
 _SHOW_MODES = ("both", "direct", "indirect", "glossy")
 
 
-class Actions(CameraActions):
+class Actions(CameraActions, LightActions):
     """The verbs of the window. Names in `keys.BINDINGS` are methods here.
 
     Args:
@@ -178,9 +177,7 @@ class Actions(CameraActions):
     @shows_errors
     def use_preset(self, name: str) -> None:
         """Settings of a shipped preset; those that only concern the display stay."""
-        now = self.state.settings
-        base = Settings().replaced({"exposure": now.exposure, "tone_map": now.tone_map, "show": now.show})
-        self.state.settings = load_preset(name, base)
+        self.state.settings = load_preset(name, Settings().replaced(of_display(self.state.settings)))
         self.state.say(f"Preset {name}")
 
     @shows_errors
@@ -276,56 +273,6 @@ class Actions(CameraActions):
         if outcome is not None:
             self._take(outcome)
 
-    # Light
-
-    @shows_errors
-    def load_lights(self, path: Path) -> None:
-        """The lights of a file, in place of those that are there or on top of them, as the file says."""
-        self._set_lights(with_lights(replace(self.state.scene, lights=self.state.lights), path).lights)
-        self.exposure.light_changed()
-        self.state.say(f"Lights of {path}")
-
-    @shows_errors
-    def save_lights(self) -> None:
-        """Write the lights, those that move where they are now, to the working directory, under a new name."""
-        lights = self.state.motion.applied(self.state.lights)
-        self.state.say(f"Saved {saved_view.save_lights(Path.cwd(), lights)}")
-
-    @shows_errors
-    def open_environment(self, path: Path) -> None:
-        """Light the scene with a map from now on; the sun that a dark scene was given goes, but beside a clear sky."""
-        environment = load_environment(path)
-        self._set_environment(environment)
-        for warning in environment.warnings:
-            self.state.say(warning, "error")
-        self.state.say(f"Environment {path}")
-
-    def remove_environment(self) -> None:
-        """No environment from now on."""
-        self._set_environment(None)
-
-    def _set_environment(self, environment: Environment | None) -> None:
-        state = self.state
-        state.scene = replace(state.scene, environment=environment)
-        lights = without_default_light(state.lights)
-        if not lights and (environment is None or not environment.brings_sun):
-            lights = with_default_light(replace(state.scene, lights=(), environment=None)).lights
-        if lights != state.lights:
-            state.lights, state.motion = lights, LightMotion()
-        self.exposure.light_changed()
-
-    # Lights
-
-    def pause_light(self) -> None:
-        """Pause or resume the moving light; the first light moves when none did."""
-        state = self.state
-        if state.motion.light is not None:
-            state.motion = replace(state.motion, paused=not state.motion.paused)
-        elif state.lights:
-            state.motion = replace(state.motion, light=0, paused=False, reach=0.15 * state.camera.scene_radius)
-        else:
-            state.say("There is no light to move")
-
     # The program
 
     def toggle_help(self) -> None:
@@ -385,6 +332,8 @@ class Actions(CameraActions):
         now = self.state.scene.environment
         if view.environment and (now is None or now.name != view.environment):
             self.open_environment(Path(view.environment))
+        elif view.environment == "" and now is not None:
+            self.remove_environment()
         if view.scene and view.scene != self.state.scene.name:
             # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
@@ -394,12 +343,11 @@ class Actions(CameraActions):
         self.state.settings = view.settings
         self.state.camera.set_camera(view.camera)
         self._set_lights(view.lights)
-        self.state.say("Settings, camera and lights of the picture")
+        self._tell_of_picture(view.lights)
 
-    def _set_lights(self, lights: tuple[Light, ...] | None) -> None:
-        """Lights of a file or picture, if it has them."""
-        if lights is not None:
-            self.state.lights, self.state.motion = lights, LightMotion()
+    def _tell_of_picture(self, lights: tuple[Light, ...] | None) -> None:
+        self.state.say("Settings and camera of the picture" if lights is None else
+                       "Settings, camera and lights of the picture")
 
     @shows_errors
     def _take(self, outcome: Loaded) -> None:
@@ -408,8 +356,9 @@ class Actions(CameraActions):
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
         scene, environment = outcome.scene, self.state.scene.environment
+        self._sun_put_away = ()
         if environment is not None:     # the user's choice outlives the scene
-            kept = without_default_light(scene.lights) if environment.brings_sun else scene.lights
+            kept = self._put_sun_away(scene.lights) if environment.replaces_sun else scene.lights
             scene = replace(scene, environment=environment, lights=kept)
         self._renderer.set_scene(scene)
         self.state.open_scene(scene, outcome.camera)
@@ -419,7 +368,7 @@ class Actions(CameraActions):
         if settings is not None:
             self.state.settings = settings
             self._set_lights(lights)
-            self.state.say("Settings, camera and lights of the picture")
+            self._tell_of_picture(lights)
         elif camera is None:
             self.exposure.light_changed()
         count = len(outcome.scene.warnings)

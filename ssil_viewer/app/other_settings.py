@@ -18,7 +18,7 @@ from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.headless import read_display
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
-from ssil_viewer.settings import Settings, knobs
+from ssil_viewer.settings import Settings, knobs, of_display
 
 
 class OtherSettings:
@@ -128,5 +128,5 @@ class OtherSettings:
 
 
 def with_display_of(settings: Settings, display: Settings) -> Settings:
-    """Settings whose exposure, tone curve and kind of light are those of others: what is compared is shown alike."""
-    return replace(settings, exposure=display.exposure, tone_map=display.tone_map, show=display.show)
+    """Settings with what concerns the display alone of others: what is compared is shown alike."""
+    return replace(settings, **of_display(display))

@@ -18,7 +18,7 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.frame_plan import Missing, Needed
 from ssil_viewer.gpu.scene_rays import RayTables
 from ssil_viewer.pipeline import Renderer
-from ssil_viewer.settings import Settings, knobs
+from ssil_viewer.settings import Settings, of_display
 
 _COMPILING = "Compiling shaders"
 _OF_SETTINGS = "Compiling shaders for these settings"
@@ -121,11 +121,9 @@ class Preparation:
     def _key(self) -> object:
         """What decides which programs a frame needs."""
         renderer = self._renderer
-        # The display's one program is compiled at once
-        of_display = {info.name: info.default for info in knobs() if info.knob.affects == "display"}
-        # Of lights their kinds: they may move in every frame
-        return (replace(renderer.settings, **of_display), renderer.size, {light.kind for light in renderer.lights},
-                id(renderer.scene), id(renderer.environment))
+        # The display's two programs are compiled at once. Of lights their kinds: they may move in every frame
+        return (replace(renderer.settings, **of_display(Settings())), renderer.size,
+                {light.kind for light in renderer.lights}, id(renderer.scene), id(renderer.environment))
 
     def rendered(self) -> None:
         """A frame has ended, and what was said about it is over."""

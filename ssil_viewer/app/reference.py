@@ -23,7 +23,7 @@ from ssil_viewer.reference import metrics
 from ssil_viewer.reference.gpu_pictures import ReferencePictures, Scale
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
 from ssil_viewer.scene.model import Scene
-from ssil_viewer.settings import Settings
+from ssil_viewer.settings import Settings, of_display
 
 BLOCK = 8
 """Side of the squares whose means the numbers compare, as `ssil-viewer compare` does."""
@@ -33,8 +33,8 @@ _BUSY_TURN = 0.03       # s while somebody's hand is on the mouse
 _NUMBERS_INTERVAL = 1.0  # s; reading back waits for the GPU
 _WITHOUT_EFFECT = (
     "samples", "radius", "sample_spacing", "visibility", "thickness", "visibility_rays", "voxel_fill", "voxel_slices",
-    "voxel_view_slice", "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "show",
-    "exposure", "tone_map", "seed", "unseen_from")
+    "glossy_samples", "importance_sampling", "upsampling", "temporal", "temporal_frames", "seed", "unseen_from",
+    *of_display(Settings()))
 """Settings that change our own light or its display, but neither what is seen nor what it sends."""
 
 

@@ -24,14 +24,14 @@ class SavedView:
 
     Attributes:
         scene: Source of the scene, empty when the picture does not say.
-        environment: File of the environment, empty when there is none.
+        environment: File of the environment, empty when there is none; None where the picture does not say.
         lights: None where the picture does not say.
     """
 
     scene: str
     settings: Settings
     camera: Camera
-    environment: str = ""
+    environment: str | None = None
     lights: tuple[Light, ...] | None = None
 
 
@@ -48,8 +48,9 @@ def save_picture(folder: Path, rgb: np.ndarray, view: SavedView, details: dict[s
     """
     camera = dataclasses.asdict(view.camera)
     metadata = details | {"version": __version__, "scene": view.scene, "camera": camera,
-                          "environment": view.environment,
                           "settings": dataclasses.asdict(view.settings)}
+    if view.environment is not None:
+        metadata["environment"] = view.environment
     if view.lights is not None:
         metadata["lights"] = light_tables(view.lights)
     path = output.check_target(_free_name(folder, ".png"), (".png",))
@@ -73,9 +74,10 @@ def load_picture(path: Path) -> SavedView:
         camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
+        environment = str(data["environment"]) if "environment" in data else None
         lights = lights_of(data["lights"], str(path)) if "lights" in data else None
-        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera,
-                         str(data.get("environment", "")), lights)
+        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera, environment,
+                         lights)
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
 

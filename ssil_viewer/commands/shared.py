@@ -16,6 +16,7 @@ from ssil_viewer.commands import values
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import load_environment
 from ssil_viewer.scene.light_file import load_lights, with_lights
+from ssil_viewer.scene.lights import SUN_ADDED
 from ssil_viewer.scene.model import Camera, Scene
 from ssil_viewer.settings import Settings, knobs, load_preset, load_settings, presets
 
@@ -90,7 +91,7 @@ def load(args: argparse.Namespace, rows: Sequence[Settings]) -> Scene:
     """Loads the scene with its --lights and its --environment, and prints warnings on standard error: theirs, and of
     flags that have no effect.
 
-    Either of the two says how the scene is lit: then it gets no default sun, but beside a clear sky.
+    Either of the two says how the scene is lit: then it gets no default sun, except beside a clear sky.
 
     Args:
         rows: The settings that are going to be used, one after the other.
@@ -98,7 +99,8 @@ def load(args: argparse.Namespace, rows: Sequence[Settings]) -> Scene:
     from ssil_viewer import idle_settings
 
     scene = load_described(args)
-    warn(scene.warnings)
+    advice = "; --environment builtin:sky adds a sky" if args.environment is None else ""
+    warn([warning + advice if warning == SUN_ADDED else warning for warning in scene.warnings])
     warn(idle_settings.warnings(flags_given(args), rows, scene))
     return scene
 
@@ -118,7 +120,7 @@ def load_described(args: argparse.Namespace) -> Scene:
         load_lights(args.lights)
     if args.environment is not None:
         environment = load_environment(args.environment)
-    lit = args.lights is not None or environment is not None and environment.brings_sun
+    lit = args.lights is not None or environment is not None and environment.replaces_sun
     scene = load_scene(args.scene, default_light=not lit)
     if args.lights is not None:
         scene = with_lights(scene, args.lights)

@@ -15,7 +15,7 @@ class Antialias(ScreenPass):
     """Blends pixels at the steps of edges with what lies beyond, by the share that the line behind the steps leaves it.
 
     Source: Reshetov 2009, "Morphological antialiasing"; the search along an edge and the treatment of lone pixels as in
-    Lottes 2009, "FXAA". Differs: whole steps with exact ends, and light is blended, not its sRGB codes.
+    Lottes 2009, "FXAA". Differs: light is blended, not its sRGB codes.
     """
 
     name = "antialias"

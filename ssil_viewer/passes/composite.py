@@ -8,6 +8,7 @@ from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.antialias import smooths_edges
 from ssil_viewer.passes.base import BLOCK, Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
+from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
@@ -35,8 +36,12 @@ class Composite(ScreenPass):
     }
     uniforms = {"band": "ivec2"}
     shows = ("both", "direct", "indirect", "glossy")
-    smoothed = "SMOOTHED", ""
     tone_maps = ("aces", "neutral", "reinhard", "linear")
+
+    @staticmethod
+    def drawn_to(settings: Settings) -> tuple[str, tuple[tuple[str, str], ...]]:
+        """The target that the picture goes to, which the shader calls display, and definitions for it."""
+        return ("aliased", (("SMOOTHED", ""),)) if smooths_edges(settings) else ("display", ())
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         defines = [switch("SHOW", frame.settings.show, self.shows),
@@ -51,8 +56,7 @@ class Composite(ScreenPass):
                 defines.append((f"WRITE_{name.upper()}", ""))
             else:
                 omit.add(name)
-        targets = {}
-        if smooths_edges(frame.settings):   # what the shader calls the display goes through another pass first
-            targets["display"] = "aliased"
-            defines.append(self.smoothed)
+        drawn, smoothed = self.drawn_to(frame.settings)
+        targets = {} if drawn == "display" else {"display": drawn}
+        defines += smoothed
         yield Dispatch(0, {"band": frame.band}, tuple(defines), frozenset(omit), targets, block=BLOCK)

@@ -12,6 +12,7 @@ from ssil_viewer.frame import Frame
 from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.gpu.targets import TargetSet
 from ssil_viewer.passes import Composite
+from ssil_viewer.passes.antialias import smooths_edges
 from ssil_viewer.picture import PICTURE_TARGETS, draw_picture, read_picture
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
@@ -67,7 +68,8 @@ class ReferencePictures:
 
     def _fit(self) -> TargetSet:
         renderer = self._renderer
-        if self._targets is None or self._targets.size != renderer.size:
+        fits = self._targets is not None and self._targets.size == renderer.size
+        if not fits or self._targets.has("aliased") != smooths_edges(renderer.settings):
             self.release()
             self._targets = TargetSet(renderer.context, renderer.size, renderer.settings, PICTURE_TARGETS)
         return self._targets
@@ -83,7 +85,7 @@ class ReferencePictures:
         variant = replace(variant, reads=tuple((name, "rgba32f" if name == "irradiance" else form)
                                                for name, form in variant.reads))
         inputs["irradiance"] = reference.texture()
-        return draw_picture(runner, variant, self._fit(), inputs, dispatch.uniforms)
+        return draw_picture(runner, variant, runner.settings, self._fit(), inputs, dispatch.uniforms)
 
     def error(self, reference: ProgressiveReference, mean: float, scale: Scale) -> moderngl.Texture:
         """Our irradiance minus the reference's, as colours.

@@ -7,7 +7,7 @@ row is +Y: as Mitsuba's envmap has it, and free of mirroring seen from inside.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +37,13 @@ class Environment:
         name: File or title, for messages.
         radiance: (H, W, 3) float32, linear, W m^-2 sr^-1, row 0 = +Y; finite and not negative.
         warnings: One sentence for each thing that was replaced.
-        brings_sun: A scene without lights gets no default sun beside it.
+        replaces_sun: A scene without lights gets no default sun beside it.
     """
 
     name: str
     radiance: np.ndarray
     warnings: tuple[str, ...] = ()
-    brings_sun: bool = True
+    replaces_sun: bool = True
 
     def __post_init__(self) -> None:
         if self.radiance.ndim != 3 or self.radiance.shape[2] != 3 or 0 in self.radiance.shape:
@@ -85,7 +85,7 @@ def load_environment(path: str | Path) -> Environment:
     path = Path(path)
     shown = str(path)
     if shown.startswith(BUILTIN_PREFIX):
-        return Environment(shown, sky_radiance(shown), brings_sun=shown != BUILTIN_PREFIX + CLEAR)
+        return _builtin(shown)
     if path.suffix.lower() not in FORMATS:
         raise UserError(f"the environment cannot be a {path.suffix or 'file without ending'}", shown,
                         "give an equirectangular .hdr or .exr")
@@ -98,6 +98,12 @@ def load_environment(path: str | Path) -> Environment:
                         "check the path")
     pixels = _read_pixels(path, shown)
     return Environment(shown, *_cleaned(pixels, shown))
+
+
+@lru_cache
+def _builtin(name: str) -> Environment:
+    """A sky, kept with what is integrated from it."""
+    return Environment(name, sky_radiance(name), replaces_sun=name != BUILTIN_PREFIX + CLEAR)
 
 
 def _read_pixels(path: Path, shown: str) -> np.ndarray:

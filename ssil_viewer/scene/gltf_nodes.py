@@ -34,7 +34,7 @@ MAX_INSTANCES = 1_000_000
 """Instances that one node may ask for; a few bytes of a file can claim any number."""
 
 MAX_BACKGROUND = 65000.0
-"""Brightest backdrop, W m^-2 sr^-1: render targets are half floats, which end at 65504."""
+"""Brightest backdrop, W m^-2 sr^-1: render targets end at 65408 (a shared exponent) and 65504 (half floats)."""
 
 _TRANSFORM_KEYS = {"matrix", "translation", "rotation", "scale"}
 

@@ -63,10 +63,11 @@ def load_lights(path: str | Path) -> tuple[tuple[Light, ...], bool]:
 def light_tables(lights: Iterable[Light]) -> list[dict[str, Any]]:
     """Lights as such a file has them, for JSON or TOML: of each its kind, its name and what is not the default.
 
-    Lights at no finite place, which transforms in files may make and which light nothing, are left out.
+    What no file can hold is held within its limits; lights at no finite place, which transforms in files may make and
+    which light nothing, are left out.
     """
     return [_table(light) for light in lights
-            if all(math.isfinite(part) for key in VECTORS for part in getattr(light, key))]
+            if all(math.isfinite(part) for key in VECTORS if key in KEYS[light.kind] for part in getattr(light, key))]
 
 
 def _table(light: Light) -> dict[str, Any]:
@@ -75,12 +76,24 @@ def _table(light: Light) -> dict[str, Any]:
     table: dict[str, Any] = {"kind": light.kind, "name": light.name.encode("utf-8", "replace").decode("utf-8")}
     for key in KEYS[light.kind][2:]:
         value = getattr(light, key)
-        if value == getattr(usual, key):
-            continue
-        if key in ("inner_cone", "outer_cone"):
-            value = round(math.degrees(value), 6)
-        table[key] = list(value) if key in VECTORS else value
+        if value != getattr(usual, key) and (stored := _stored(key, value)) is not None:
+            table[key] = stored
     return table
+
+
+def _stored(key: str, value: Any) -> Any:
+    """A value as a file can hold it and `_value` takes it; None: it cannot, and the default will do."""
+    if key == "cast_shadow":
+        return bool(value)
+    if key in ("direction", "up"):
+        length = math.hypot(*value)
+        return [float(part / length) for part in value] if length > 0.0 else None
+    if key in VECTORS:
+        least = 0.0 if key == "color" else -_LARGEST
+        return [min(max(float(part), least), _LARGEST) for part in value]
+    if key in ("inner_cone", "outer_cone"):
+        return min(round(math.degrees(value), 6), 90.0)
+    return min(float(value), _LARGEST)
 
 
 def lights_of(tables: Iterable[dict[str, Any]], where: str) -> tuple[Light, ...]:

@@ -9,6 +9,9 @@ from ssil_viewer.scene.model import Light, Scene
 
 SUN_NAME = "default sun"
 
+SUN_ADDED = "nothing in the scene shines, so a default sun was added"
+"""The warning of a scene that has been given it."""
+
 SUN_ELEVATION = math.radians(72.0)
 """High enough to reach the floor of a courtyard as deep as it is wide."""
 
@@ -48,9 +51,8 @@ def with_default_light(scene: Scene) -> Scene:
             -horizontal * math.cos(azimuth),
         ),
     )
-    warning = "nothing in the scene shines, so a default sun was added; the environment builtin:sky goes with it"
     sky = scene.background if any(scene.background) else SKY_RADIANCE
-    return replace(scene, lights=(sun,), background=sky, warnings=(*scene.warnings, warning))
+    return replace(scene, lights=(sun,), background=sky, warnings=(*scene.warnings, SUN_ADDED))
 
 
 def without_default_light(lights: tuple[Light, ...]) -> tuple[Light, ...]:

@@ -18,7 +18,7 @@ from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.window import run_window
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Light, LightKind
-from ssil_viewer.settings import Settings
+from ssil_viewer.settings import Settings, load_preset, of_display
 from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, SIZE, click, drag, picture, turn, until, xdotool
 
 pytestmark = NEEDS_X
@@ -46,6 +46,14 @@ def test_a_typed_value_out_of_range_is_refused_with_a_message(places, viewer):
         xdotool(viewer, "key", key)
     assert viewer.state.settings.samples == SETTINGS.samples
     assert any("samples cannot be 5000" in toast.text and toast.kind == "error" for toast in viewer.state.toasts)
+
+
+def test_presets_leave_what_concerns_the_display(viewer):
+    changed = {"antialias": False, "exposure": 1.5, "tone_map": "linear", "show": "indirect", "voxel_view_slice": 7}
+    viewer.state.settings = viewer.state.settings.replaced(changed)
+    viewer.actions.use_preset("fast")
+    assert viewer.state.settings == load_preset("fast").replaced(changed)
+    assert set(changed) == set(of_display(Settings())), "a new one belongs in here"
 
 
 def test_keys_choose_the_light_that_is_shown(viewer):

@@ -101,6 +101,28 @@ def test_an_environment_and_lights_are_opened_like_scenes(viewer, tmp_path):
     assert viewer._renderer.environment is None and "sky" not in viewer._renderer.buffers()
 
 
+@pytest.mark.parametrize("lights, left, under_clouds", [
+    (("default sun", "lamp"), ("default sun", "lamp"), ("lamp",)), ((), (), ()), (("lamp",), ("lamp",), ("lamp",))])
+def test_a_clear_sky_leaves_the_lights_and_clouds_give_the_sun_back(viewer, lights, left, under_clouds):
+    """As it was, with what the user had changed of it; who has taken all lights away gets none."""
+    viewer.state.lights = tuple(Light("directional", name, intensity=1.5) for name in lights)
+    before = viewer.state.lights
+    for environment, names in (("sky", left), ("overcast", under_clouds), ("sky", left), ("overcast", under_clouds)):
+        viewer.actions.open_environment(Path(f"builtin:{environment}"))
+        assert sorted(light.name for light in viewer.state.lights) == sorted(names)
+    viewer.actions.remove_environment()
+    assert set(viewer.state.lights) == set(before)
+
+
+def test_a_picture_without_an_environment_takes_it_away(viewer, tmp_path):
+    viewer.actions.save_image()
+    viewer.actions.open_environment(Path("builtin:overcast"))
+    turn(viewer, 2)
+    viewer.actions.open_path(next(tmp_path.glob("*.png")))
+    turn(viewer, 2)
+    assert viewer._renderer.environment is None
+
+
 def test_a_clear_sky_goes_with_the_sun(viewer, tmp_path):
     """The default sun stays beside it, also in a scene opened later, and comes back from under clouds."""
     path = tmp_path / "box.obj"

@@ -77,7 +77,8 @@ def test_it_begins_anew_when_it_must_and_only_then(small, reference):
         reference.sums.restart = original
         return bool(begun)
 
-    for name, value in (("samples", 9), ("exposure", 1.0), ("show", "indirect"), ("visibility", "off")):
+    for name, value in (("samples", 9), ("exposure", 1.0), ("show", "indirect"), ("antialias", False),
+                        ("visibility", "off")):
         converged(small)
         state.settings = replace(state.settings, **{name: value})
         assert not begins_anew(), name

@@ -28,15 +28,20 @@ def half_plane(slope: float, upright: bool, per_pixel: int) -> np.ndarray:
     return below.reshape(height, per_pixel, width, per_pixel).mean((1, 3))
 
 
+def deviation(codes: np.ndarray, exact: np.ndarray, where: np.ndarray) -> float:
+    """Root mean square of what gray codes differ in light from what they should be."""
+    return float(np.sqrt(np.mean((light_of(codes[..., 0]) - exact)[where] ** 2)))
+
+
 @pytest.fixture
 def shown(make_renderer, stage):
     """`shown(light, antialias)`: what the display shows of gray light; the curve is linear, so light is light."""
     renderer = make_renderer(scenes.cornell(), SIZE, stage, tone_map="linear", samples=1, levels=1)
 
+    renderer.render(CAMERA)
+
     def show(light: np.ndarray, antialias: bool) -> np.ndarray:
-        renderer.set_settings(replace(renderer.settings, antialias=antialias))
-        renderer.render(CAMERA)
-        return renderer.displayed(np.repeat(light[..., None], 3, -1))
+        return renderer.displayed(np.repeat(light[..., None], 3, -1), antialias)
 
     return show
 
@@ -48,10 +53,39 @@ def test_steps_become_the_line_that_they_stand_for(shown, slope, upright):
     dark, bright = 0.05, 0.6
     exact, sampled = (dark + (bright - dark) * half_plane(slope, upright, n) for n in (32, 1))
     edge = (exact > dark) & (exact < bright)
-    errors = [np.sqrt(np.mean((light_of(shown(sampled, on)[..., 0]) - exact)[edge][1:-1] ** 2)) for on in (False, True)]
+    errors = [deviation(shown(sampled, on), exact, edge) for on in (False, True)]
     assert errors[0] > 0.12, "steps differ from the line"
     # Steps of a single pixel are no edges with two ends: near the diagonal only what stands out is blended
     assert errors[1] < (0.45 if abs(slope) < 0.5 else 0.7) * errors[0]
+
+
+def test_faint_edges_are_edges(shown):
+    """Of a fifth of the brightness in codes, as columns in the shade have; one of a twentieth is left alone."""
+    share = half_plane(0.25, False, 32)
+    sampled = half_plane(0.25, False, 1)
+    for codes, smooth in ((120, True), (143, False)):
+        dark, bright = light_of(np.float64(codes)), light_of(np.float64(150))
+        exact, steps = dark + (bright - dark) * share, dark + (bright - dark) * sampled
+        edge = (share > 0) & (share < 1)
+        before, after = (deviation(shown(steps, on), exact, edge) for on in (False, True))
+        assert (after < 0.5 * before) == smooth, codes
+
+
+def test_long_edges_are_followed_far(shown):
+    """Steps of 40 pixels: with a search of half as far their middles would stay."""
+    exact, sampled = (0.1 + 0.6 * half_plane(1 / 40, False, n) for n in (64, 1))
+    edge = (exact > 0.1) & (exact < 0.7)
+    before, after = (deviation(shown(sampled, on), exact, edge) for on in (False, True))
+    assert after < 0.36 * before
+
+
+def test_a_lone_pixel_gets_half_of_its_neighbour_at_most(shown):
+    light = np.full(SIZE[::-1], 0.1)
+    light[30, 40] = 0.9
+    smooth = light_of(shown(light, True)[..., 0])
+    assert smooth[30, 40] == pytest.approx(0.5, abs=0.02)
+    smooth[30, 40] = 0.1
+    assert smooth == pytest.approx(0.1, abs=0.01)
 
 
 def test_what_has_no_edges_stays(shown):
@@ -92,6 +126,16 @@ def test_switching_keeps_history_and_memory(make_renderer, stage):
         renderer.render(CAMERA)
         assert renderer.target_bytes().get("aliased", 0) == (4 * SIZE[0] * SIZE[1] if antialias else 0)
         assert renderer.read("history_length").max() == frames
+
+
+def test_a_guard_band_is_none_of_the_picture(make_renderer, stage):
+    """Its edges end at the image's."""
+    pictures = []
+    for band in (0, 20):
+        renderer = make_renderer(scenes.cornell(), (61, 37), stage, bounces=0, guard_band=band)
+        renderer.render(CAMERA)
+        pictures.append(renderer.read("display").astype(int))
+    assert (np.abs(pictures[0] - pictures[1]) > 1).mean() < 0.01
 
 
 def test_buffers_are_shown_as_they_are(make_renderer, stage):

@@ -169,7 +169,16 @@ def test_a_clear_sky_leaves_the_default_sun(tmp_path, sky, gets_sun):
     done = ssil_viewer("render", "box.obj", *FAST, "-o", "a.png", "--environment", f"builtin:{sky}", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert ("a default sun was added" in done.stderr) == gets_sun
-    assert Image.open(tmp_path / "a.png").getpixel((0, 0))[2] > 100, "the backdrop"
+    assert "builtin:sky" not in done.stderr, "no advice to take what is there"
+    assert output.read_metadata(tmp_path / "a.png")["environment"] == f"builtin:{sky}"
+    backdrop = np.asarray(Image.open(tmp_path / "a.png"))[:, 0].astype(int)
+    assert np.abs(backdrop[0] - backdrop[-1]).max() > 20, "a sky and its ground, not one colour"
+
+
+def test_a_default_sun_comes_with_advice(tmp_path):
+    (tmp_path / "box.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    done = ssil_viewer("render", "box.obj", *FAST, "-o", "a.png", cwd=tmp_path)
+    assert "a default sun was added; --environment builtin:sky adds a sky\n" in done.stderr
 
 
 @pytest.mark.parametrize("size", ["1x1", "3x7", "1x97", "127x2"])

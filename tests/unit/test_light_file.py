@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 
 import numpy as np
@@ -172,9 +173,25 @@ def test_no_lights_are_a_file_too(tmp_path):
     assert is_light_file(path) and load_lights(path) == ((), False)
 
 
-def test_what_no_file_can_hold_is_left_out():
-    """Places that are not finite light nothing; a name that is no Unicode keeps what of it is."""
-    lights = (Light("point", "far", position=(math.inf, 0.0, 0.0)), Light("point", "half \ud800"))
-    table, = light_tables(lights)
-    assert table == {"kind": "point", "name": "half ?"}
-    lights_text(lights).encode("utf-8")
+def test_what_no_file_can_hold_is_held_within_its_limits(tmp_path):
+    """All that is written can be read; only places that are not finite, of kinds that have one, are left out."""
+    nowhere = (math.inf, 0.0, 0.0)
+    lights = (
+        Light("point", "far", position=nowhere), Light("spot", "far", position=nowhere),
+        Light("directional", "sun", position=nowhere), Light("spot", "up", up=nowhere), Light("point", "half \ud800"),
+        Light("point", "bright", (-1.0, 0.5, 2e12), 1e13, (1e13, 0.0, -1e13)), Light("disc", "wide", radius=1e13),
+        Light("spot", "faint", direction=(0.0, 1e-13, 0.0), outer_cone=math.pi / 2 + 5e-7),
+        Light("rectangle", "flat", up=(0.0, 0.0, 0.0)))
+    path = tmp_path / "lights.toml"
+    path.write_text(lights_text(lights), encoding="utf-8")
+    read, _ = load_lights(path)
+    assert [light.name for light in read] == ["sun", "up", "half ?", "bright", "wide", "faint", "flat"]
+    bright = read[3]
+    assert (bright.color, bright.intensity, bright.position) == ((0.0, 0.5, 1e12), 1e12, (1e12, 0.0, -1e12))
+    assert read[5].direction == (0.0, 1.0, 0.0) and read[6].up == (0.0, 1.0, 0.0)
+
+
+def test_numbers_of_numpy_are_numbers_in_files():
+    light = Light("point", position=(np.float32(1), 0, 0), intensity=np.float32(1.5), cast_shadow=np.bool_(False))
+    assert json.loads(json.dumps(light_tables([light]))) == [
+        {"kind": "point", "name": "", "intensity": 1.5, "position": [1.0, 0.0, 0.0], "cast_shadow": False}]

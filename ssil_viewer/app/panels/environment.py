@@ -30,7 +30,7 @@ class EnvironmentPanel:
         for name, meaning in SKIES.items():
             if imgui.button(name.capitalize()):
                 actions.open_environment(Path(BUILTIN_PREFIX + name))
-            widgets.hint(f"{meaning}.")
+            widgets.hint(f"{meaning}. It is the same all around.")
             imgui.same_line()
         imgui.new_line()
         environment = state.scene.environment
