@@ -117,6 +117,17 @@ def test_exported_values_are_untouched(make_renderer, stage):
     assert all((found[0][name] == found[1][name]).all() for name in ("final", "direct", "indirect"))
 
 
+def test_errors_are_measured_without(make_renderer):
+    """What FLIP is given does not depend on the setting."""
+    renderer = make_renderer(scenes.cornell(), SIZE, bounces=0)
+    renderer.render(CAMERA)
+    light, found = renderer.read("final"), []
+    for antialias in (True, False):
+        renderer.set_settings(replace(renderer.settings, antialias=antialias))
+        found.append(renderer.displayed(light))
+    assert (found[0] == found[1]).all() and (found[0] != renderer.displayed(light, antialias=True)).any()
+
+
 def test_switching_keeps_history_and_memory(make_renderer, stage):
     renderer = make_renderer(scenes.cornell(), SIZE, stage, samples=8)
     render_frames(renderer, CAMERA, 4)
