@@ -20,6 +20,8 @@ _PLASTIC = (0.7548776662466927, 0.5698402909980532)
 REFERENCE_HEIGHT = 720
 # Longest temporal mean while a light or an object moves: eight frames later a ninth of the old light is left
 MOVING_FRAMES = 2
+# The same for pixels whose light is far from the mean while the camera moves alone: most of it is noise of the dark
+CHANGED_FRAMES = 8
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class FrameBlock:
     samples: Int
     light_count: Int
     history_frames: Int         # longest temporal mean; 0: there is no history
+    changed_frames: Float       # the same where the light is far from the mean
     still: Int                  # 1: nothing has moved for some frames, neither the camera nor anything else
     voxel_view_slice: Int       # slice that the view of one slice shows
 
@@ -139,7 +142,7 @@ def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) 
 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
                light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False,
-               still: bool = False) -> FrameBlock:
+               still: bool = False, camera_alone: bool = False) -> FrameBlock:
     """The uniform block of one frame.
 
     Args:
@@ -148,6 +151,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         history: Whether the last frame's textures hold this scene.
         moving: A light or an object moved since the last frame: the light of many frames ago is another one.
         still: Nothing has moved for some frames, the camera neither: what differs from the last frame is noise.
+        camera_alone: Nothing but the camera has moved for some frames.
     """
     world_from_view = np.linalg.inv(view.view_from_world)
     step = frame_index if settings.temporal else 0
@@ -176,7 +180,9 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
                           math.sin(math.radians(settings.environment_rotation))),
         environment_strength=2.0**settings.environment_strength,
         near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
-        history_frames=longest if history else 0, still=int(still), voxel_view_slice=settings.voxel_view_slice)
+        history_frames=longest if history else 0,
+        changed_frames=min(CHANGED_FRAMES if camera_alone else MOVING_FRAMES, longest), still=int(still),
+        voxel_view_slice=settings.voxel_view_slice)
 
 
 def radius_texels(settings: Settings, size: tuple[int, int]) -> float:

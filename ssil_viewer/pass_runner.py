@@ -204,7 +204,8 @@ class PassRunner:
         frame.still = motion.still
         history = settings.temporal and motion.previous is not None
         self._uniforms.update(make_frame(view, motion.previous or view, self.size, settings, self.frame_index,
-                                         light_count, background, history, motion.light_moves, motion.still))
+                                         light_count, background, history, motion.light_moves, motion.still,
+                                         motion.camera_alone))
         for p, frame.bounce in self.plan.schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):

@@ -18,17 +18,18 @@ class Stillness:
         previous: The view of the last frame; None where there is none to go on from.
         light_moves: Light of many frames ago is another one.
         still: Nothing has moved for some frames: what differs from the last frame is noise.
+        camera_alone: Nothing but the camera has, for as many.
     """
 
     def __init__(self) -> None:
-        self._settling = self._restless = 0     # frames that are left
+        self._settling = self._restless = self._unsure = 0      # frames that are left
         self.reset()
 
     def reset(self) -> None:
         """Forget the last frames."""
         self.previous: View | None = None
-        self._restless = 0
-        self.light_moves = self.still = False
+        self._restless = self._unsure = 0
+        self.light_moves = self.still = self.camera_alone = False
 
     def step(self, view: View, moving: bool, watched: bool, temporal: bool, feeds_back: bool) -> None:
         """A frame comes.
@@ -43,5 +44,7 @@ class Stillness:
         moved = history and (moving or not watched or not same_view(view, self.previous))
         self._settling = SETTLING_FRAMES if feeds_back and (moving or not history) else max(self._settling - 1, 0)
         self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
+        self._unsure = RESTLESS_FRAMES if history and (moving or not watched) else max(self._unsure - 1, 0)
         self.light_moves = moving or self._settling > 0
+        self.camera_alone = history and not self.light_moves and self._unsure == 0
         self.still = history and not self.light_moves and self._restless == 0

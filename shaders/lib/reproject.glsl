@@ -14,20 +14,18 @@ struct Previous {
     vec3 weights;       // 0 for those that showed another surface
     vec3 facing;        // cosines between the normals
     vec3 normals[TAPS]; // of the last frame, in its view space
-    vec2 moved;         // pixels by which the surface has moved in the image since then
 };
 
 #ifdef STILL
 Previous find_previous(ivec2 px, Surface surface) {
-    return Previous(ivec2[](px), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3[](surface.normal), vec2(0.0));
+    return Previous(ivec2[](px), vec3(1.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3[](surface.normal));
 }
 #else
 Previous find_previous(ivec2 px, Surface surface) {
     ivec2 last = size_surface() - 1;
     vec4 motion = load_motion(px);
     Previous found;
-    found.moved = motion.xy * (vec2(size_surface()) / frame.extent);
-    vec2 before = vec2(px) + 0.5 - found.moved;
+    vec2 before = vec2(px) + 0.5 - motion.xy * (vec2(size_surface()) / frame.extent);
     float expected_depth = surface.view_depth * motion.z;
     vec3 expected_normal = mat3(frame.previous_view_from_view) * surface.normal;
     vec2 ray = ray_from_pixel(before, frame.previous_ray_scale, frame.previous_ray_origin);

@@ -16,15 +16,25 @@ float brightness_of(uint texel) { return float(int(texel >> 24u)) * (1.0 / 255.0
 float brightness_at(ivec2 at) { return brightness_of(texel_at(at)); }
 vec3 color_of(uint texel) { return vec3(ivec3(uvec3(texel, texel >> 8u, texel >> 16u) & 255u)) * (1.0 / 255.0); }
 
-// Pixels along an edge until it ends, FARTHEST or more if it does not; in growing steps, since of a long edge no more is asked
-// for than about where it ends. over: what its two sides' mean differs by there.
+// What the mean of a pixel and the one across differs by from that of the edge.
+float over_at(ivec2 at, ivec2 across, float mean) { return 0.5 * (brightness_at(at) + brightness_at(at + across)) - mean; }
+
+// Pixels along an edge until it ends, FARTHEST if it does not; looked for in growing steps. over: see `over_at`, where it ends.
 int pixels_to_end(ivec2 px, ivec2 along, ivec2 across, float mean, float limit, out float over) {
     int i = 0;
     do {
         i += i < 4 ? 1 : i < 12 ? 2 : 4;
-        ivec2 at = px + along * i;
-        over = 0.5 * (brightness_at(at) + brightness_at(at + across)) - mean;
+        over = over_at(px + along * i, across, mean);
     } while (abs(over) < limit && i < FARTHEST);
+    // Back to where it ended within the last step: the parity of steps must not decide which end is nearer
+    for (int back = 2; back > 0; --back) {
+        int before = i - back;
+        float there = over_at(px + along * before, across, mean);
+        if (before > 4 && abs(there) >= limit) {
+            i = before;
+            over = there;
+        }
+    }
     return i;
 }
 

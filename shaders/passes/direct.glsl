@@ -3,10 +3,10 @@
 // neighbouring surface receives.
 #include "lib/brdf.glsl"
 #include "lib/lights.glsl"
+#include "lib/taps.glsl"
 #ifdef HAS_SKY
 #include "lib/bilateral.glsl"
 #include "lib/environment.glsl"
-#include "lib/taps.glsl"
 
 // Share of the environment's light that arrives, from the texel of the starting level around the pixel and the nearest along
 // either axis.

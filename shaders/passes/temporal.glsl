@@ -77,7 +77,7 @@ vec4 averaged_irradiance(ivec2 px, Surface surface, Previous previous) {
 #else
     float changed = frame.still == 1 ? 0.0 : smoothstep(0.5, 0.9, change);
 #endif
-    float longest = mix(float(frame.history_frames), 2.0, changed);
+    float longest = mix(float(frame.history_frames), frame.changed_frames, changed);
     float count = min(history.a + 1.0, longest);
     return vec4(mix(history.rgb, current, 1.0 / count), count);
 }
@@ -97,9 +97,9 @@ vec3 averaged_reflection(ivec2 px, Surface surface, Previous previous, float fra
 #ifdef STILL
     float count = frames;
 #else
-    // What moves over the screen reflects something else than before: fewer frames, the more so the smoother it is.
-    float still = 1.0 - smoothstep(0.25, 1.0, length(previous.moved));
-    float count = min(frames, mix(mix(4.0, 16.0, now.roughness), frames, still));
+    // Where anything moves, a surface may reflect something else than before, also one that stands still in the image, as at
+    // the pivot of an orbit: fewer frames, the more so the smoother it is.
+    float count = frame.still == 1 ? frames : min(frames, mix(4.0, 16.0, now.roughness));
 #endif
     // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
     // rare peaks were cut off and the mean fell by 1 %

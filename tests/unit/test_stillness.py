@@ -44,6 +44,20 @@ def test_what_moves_is_restless_for_a_while(steps, move):
     assert steps(RESTLESS_FRAMES + 1, x=x) == [(False, False)] * (RESTLESS_FRAMES - 1) + [(False, True)] * 2
 
 
+def test_the_camera_moves_alone_once_no_light_has_for_a_while(steps):
+    steps(2)
+    steps(3, x=1.0)
+    assert steps.motion.camera_alone
+    steps(1, x=2.0, moving=True)
+    assert not steps.motion.camera_alone
+    steps(RESTLESS_FRAMES - 1, x=3.0)
+    assert not steps.motion.camera_alone
+    steps(1, x=4.0)
+    assert steps.motion.camera_alone
+    steps(1, x=4.0, watched=False)
+    assert not steps.motion.camera_alone
+
+
 def test_where_nobody_watches_nothing_is_still(steps):
     assert steps(40, watched=False) == [(False, False)] * 40
 
