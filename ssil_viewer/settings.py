@@ -362,6 +362,8 @@ def load_settings(path: Path, base: Settings | None = None) -> Settings:
         UserError: The file is missing, is not TOML, or holds an unknown name or an unfit value.
     """
     values = read_toml(path, "settings file")
+    if isinstance(values.get("light"), list):
+        raise UserError("this is a file of lights", str(path), "give it to --lights")
     if tables := [name for name, value in values.items() if isinstance(value, dict)]:
         raise UserError(f"there are no tables in a file of settings: [{tables[0]}]", str(path),
                         "write name = value lines without headings")

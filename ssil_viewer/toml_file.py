@@ -22,7 +22,9 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{what} cannot be read", str(path), error.strerror or str(error)) from error
-    except ValueError as error:     # what is no TOML, no UTF-8, or a number of thousands of digits
+    except UnicodeDecodeError as error:
+        raise UserError(f"{what} is not valid TOML", str(path), "it is no text") from error
+    except ValueError as error:     # what is no TOML, or a number of thousands of digits
         raise UserError(f"{what} is not valid TOML", str(path), str(error)) from error
     except RecursionError as error:
         raise UserError(f"{what} is not valid TOML", str(path), "its lists are nested too deeply") from error

@@ -22,6 +22,8 @@ from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.app.undo import History, Snapshot, difference
 from ssil_viewer.errors import UserError
 from ssil_viewer.pipeline import Renderer
+from ssil_viewer.resources import BUILTIN_PREFIX
+from ssil_viewer.scene.builtin_sky import SKIES
 from ssil_viewer.scene.environment import FORMATS as ENVIRONMENT_FORMATS
 from ssil_viewer.scene.light_file import is_light_file
 from ssil_viewer.scene.model import Camera, Light
@@ -238,7 +240,9 @@ class Actions(CameraActions, LightActions):
     def open_path(self, path: Path) -> None:
         """Open whatever was dropped or chosen: a scene, an environment, settings, lights, or a saved picture."""
         suffix = path.suffix.lower()
-        if suffix == ".toml" and is_light_file(path):
+        if os.fspath(path).removeprefix(BUILTIN_PREFIX) in SKIES:
+            self.open_environment(path)
+        elif suffix == ".toml" and is_light_file(path):
             self.load_lights(path)
         elif suffix == ".toml":
             self.load_settings(path)

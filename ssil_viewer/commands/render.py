@@ -219,6 +219,8 @@ def _warn_of_exposure(renderer: Renderer) -> None:
     from ssil_viewer.metering import FAR_OFF, meter
 
     metered = meter(renderer)
+    if metered is None:
+        shared.warn(["the picture is black: nothing in it is lit"])
     change = metered - renderer.settings.exposure if metered is not None else 0.0
     if abs(change) >= FAR_OFF:
         kind = "dark" if change > 0 else "bright"

@@ -1,4 +1,4 @@
-"""`ssil-viewer scenes`: what can be opened without a file."""
+"""`ssil-viewer scenes`: what there is without a file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ def add_flags(parser: Parser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Lists the built-in scenes."""
+    """Lists the built-in scenes, and the skies."""
+    from ssil_viewer.resources import BUILTIN_PREFIX
     from ssil_viewer.scene import BUILTIN_SCENES
+    from ssil_viewer.scene.builtin_sky import SKIES
 
-    width = max(len(name) for name in BUILTIN_SCENES)
+    width = max(len(name) for name in (*BUILTIN_SCENES, *SKIES))
     for name, text in BUILTIN_SCENES.items():
-        print(f"builtin:{name:<{width}}  {text}")
+        print(f"{BUILTIN_PREFIX}{name:<{width}}  {text}")
+    print("\nfor --environment:")
+    for name, text in SKIES.items():
+        print(f"{BUILTIN_PREFIX}{name:<{width}}  {text}")

@@ -10,12 +10,18 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.resources import BUILTIN_PREFIX
 
 CLEAR = "sky"
-SKIES = {CLEAR: "A clear sky without its sun, to go with one", "overcast": "A sky full of clouds, and no sun"}
+SKIES = {CLEAR: "A clear sky without its sun, to go with one",
+         "overcast": "A sky full of clouds, in place of the default sun; lights of the scene stay"}
 """Name -> what it is."""
 
-_SIZE = 512, 256
-_GROUND = 0.2
-"""Diffuse reflectance of what lies below the horizon, gray; the sky alone lights it."""
+_SIZE = 4, 2048
+"""Texels around and from pole to pole: a sharp horizon, and the same all around."""
+
+_GROUND = 0.15
+"""Diffuse reflectance of what lies below the horizon, gray."""
+
+_SUN_ON_GROUND = 9.0
+"""W m^-2: what the default sun adds on level ground beside a clear sky."""
 
 _LUMINANCE = 0.2126, 0.7152, 0.0722
 _BLUE, _PALE, _GRAY = (np.array(color) / np.dot(color, _LUMINANCE)
@@ -27,7 +33,7 @@ _CLEAR_IRRADIANCE, _OVERCAST_IRRADIANCE = 1.9, 3.0
 
 
 def sky_radiance(name: str) -> np.ndarray:
-    """A map of a sky, by its name with the prefix: (256, 512, 3) float32, as of `Environment`.
+    """A map of a sky, by its name with the prefix: (2048, 4, 3) float32, as of `Environment`.
 
     Radiance depends on the elevation alone, so that turning it does nothing: the gradation of clear skies of the
     standard general sky (ISO 15469), without its part that depends on where the sun is; the overcast sky of Moon and
@@ -56,6 +62,7 @@ def sky_radiance(name: str) -> np.ndarray:
         wanted = _OVERCAST_IRRADIANCE
     falling = np.where(upward > 0.0, np.pi * -np.diff(np.cos(edges) ** 2), 0.0)   # of cos(polar) over each row's ring
     shape *= wanted / (falling @ shape @ _LUMINANCE)
-    rows = np.where(upward[:, None] > 0.0, shape, wanted * _GROUND / np.pi)
+    on_ground = wanted + (_SUN_ON_GROUND if short == CLEAR else 0.0)
+    rows = np.where(upward[:, None] > 0.0, shape, on_ground * _GROUND / np.pi)
     radiance = np.broadcast_to(rows[:, None], (height, width, 3))
     return np.ascontiguousarray(radiance, np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ssil_viewer.errors import UserError
 from ssil_viewer.resources import BUILTIN_PREFIX
-from ssil_viewer.scene.builtin_sky import CLEAR, sky_radiance
+from ssil_viewer.scene.builtin_sky import CLEAR, SKIES, sky_radiance
 
 FORMATS = (".hdr", ".exr")
 MAX_WIDTH, MAX_HEIGHT = 8192, 4096
@@ -87,8 +87,10 @@ def load_environment(path: str | Path) -> Environment:
     if shown.startswith(BUILTIN_PREFIX):
         return _builtin(shown)
     if path.suffix.lower() not in FORMATS:
-        raise UserError(f"the environment cannot be a {path.suffix or 'file without ending'}", shown,
-                        "give an equirectangular .hdr or .exr")
+        kind = f"a {path.suffix}" if path.suffix else "a file without ending"
+        raise UserError(f"the environment cannot be {kind}", shown or "''",
+                        f"did you mean {BUILTIN_PREFIX}{shown}?" if shown in SKIES else
+                        "give an equirectangular .hdr or .exr, or builtin:" + " or builtin:".join(SKIES))
     try:
         there, regular = path.exists(), path.is_file()
     except (OSError, ValueError) as error:      # a name too long, a NUL in it

@@ -51,6 +51,44 @@ def test_a_path_that_is_typed_is_opened(viewer, field, tmp_path):
     assert not viewer._gui.has_modal and viewer.state.settings == Settings(samples=7)
 
 
+def test_what_is_built_in_can_be_typed_at_once(viewer):
+    """The box waits for a path, and what is typed takes the place of the folder."""
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    xdotool(viewer, "key", "ctrl+o")
+    name = "builtin:overcast"
+    xdotool(viewer, "type", "--delay", "10", name)
+    turn(viewer, 3 * len(name))
+    xdotool(viewer, "key", "Return")
+    assert not viewer._gui.has_modal and viewer.state.scene.environment.name == name
+
+
+def test_a_button_opens_what_was_typed(viewer, field, tmp_path, monkeypatch):
+    original, places = imgui.button, {}
+
+    def noted(text, *arguments):
+        pressed = original(text, *arguments)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        places[text] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
+        return pressed
+
+    monkeypatch.setattr(file_browser.imgui, "button", noted)
+    saved = tmp_path / "a.toml"
+    saved.write_text("samples = 7")
+    viewer.actions.browse_scene()
+    turn(viewer, 2)
+    viewer._gui._browser._typed = str(saved)
+    click(viewer, places["Cancel"])
+    assert not viewer._gui.has_modal and viewer.state.settings.samples == 4
+    viewer.actions.browse_scene()
+    turn(viewer, 2)
+    click(viewer, field())
+    xdotool(viewer, "key", "ctrl+a")
+    xdotool(viewer, "type", "--delay", "10", saved.name)
+    turn(viewer, 3 * len(saved.name))
+    click(viewer, places["Open"])
+    assert not viewer._gui.has_modal and viewer.state.settings.samples == 7
+
+
 def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):
     type_path(viewer, field, "b")
     browser = viewer._gui._browser

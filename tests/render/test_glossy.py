@@ -218,7 +218,7 @@ def test_what_is_shown(make_renderer):
 
 
 def test_reflections_at_the_pivot_of_an_orbit_follow(make_renderer):
-    """The floor there hardly moves over the image, and what it reflects does: ten frames after the way around, reflections
+    """The floor there hardly moves over the image, and what it reflects does: ten frames after the way around, they
     are the settled ones within 4 %, noise among it; with a mean as long as that of the floor's light 14 % were left."""
     renderer = make_renderer(load_scene("builtin:glossy"), (240, 135), glossy_samples=64)
     camera = default_camera(renderer.scene)

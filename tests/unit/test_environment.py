@@ -138,10 +138,20 @@ def test_built_in_skies(name, irradiance, zenith_over_horizon):
     middle = len(rows) // 2
     assert sky.irradiance[0, 0] @ (0.2126, 0.7152, 0.0722) == pytest.approx(irradiance, rel=1e-3)
     assert rows[0] / rows[middle - 1] == pytest.approx(zenith_over_horizon, rel=0.02)
-    assert np.allclose(sky.radiance[middle:], 0.2 * irradiance / np.pi, rtol=1e-5)
+    assert np.allclose(sky.radiance[middle:], 0.15 * (irradiance + (9.0 if name == "sky" else 0.0)) / np.pi, rtol=1e-5)
     assert (sky.radiance == sky.radiance[:, :1]).all() and not sky.warnings
     steps = np.diff(rows[:middle])
     assert (steps >= 0).all() or (steps <= 0).all()
+
+
+@pytest.mark.parametrize("name, said", [
+    ("sky", "the environment cannot be a file without ending, sky, did you mean builtin:sky?"),
+    ("", "the environment cannot be a file without ending, ., "
+         "give an equirectangular .hdr or .exr, or builtin:sky or builtin:overcast")])
+def test_names_that_are_no_files(name, said):
+    with pytest.raises(UserError) as caught:
+        load_environment(name)
+    assert str(caught.value) == said
 
 
 def test_a_built_in_sky_that_there_is_not():

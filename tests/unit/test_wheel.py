@@ -72,7 +72,9 @@ def test_its_script_presets_and_scenes_are_there(installed, tmp_path):
         pytest.skip("pip puts scripts elsewhere here")
     listed = run(installed, tmp_path, str(script), "scenes")
     assert listed.returncode == 0, listed.stderr
-    for line in listed.stdout.splitlines():
+    scenes, skies = listed.stdout.split("\n\n")
+    assert "builtin:sky" in skies
+    for line in scenes.splitlines():
         described = run(installed, tmp_path, str(script), "info", line.split()[0], "--json", "-")
         assert described.returncode == 0, described.stderr
     assert "talk-half-5-levels" in run(installed, tmp_path, str(script), "render", "--help").stdout

@@ -27,18 +27,21 @@ class EnvironmentPanel:
         self._path, wanted = widgets.path_field("##environment", self._path, actions.browse_scene)
         if wanted:
             actions.open_environment(Path(wanted).expanduser())
+        environment = state.scene.environment
+        if environment is None:
+            widgets.muted("None: no light comes from outside of the scene.")
+        else:
+            height, width = environment.radiance.shape[:2]
+            is_file = not environment.name.startswith(BUILTIN_PREFIX)
+            widgets.muted(f"{environment.name}, {width} x {height}" if is_file else environment.name)
         for name, meaning in SKIES.items():
             if imgui.button(name.capitalize()):
                 actions.open_environment(Path(BUILTIN_PREFIX + name))
             widgets.hint(f"{meaning}. It is the same all around.")
             imgui.same_line()
         imgui.new_line()
-        environment = state.scene.environment
         if environment is None:
-            widgets.muted("None: no light comes from outside of the scene.")
             return
-        height, width = environment.radiance.shape[:2]
-        widgets.muted(f"{environment.name}, {width} x {height}")
         for info in knobs():
             if info.knob.group == "Environment":
                 settings.row(state, actions, info, lacking(info.name, state.settings))

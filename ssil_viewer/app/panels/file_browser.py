@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Callable
 from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import widgets
+from ssil_viewer.resources import BUILTIN_PREFIX
 
 _TITLE = "Open a scene, environment (.hdr, .exr), settings or lights (.toml), or saved picture (.png)"
 # What the program opens; the box shows everything when asked.
@@ -66,6 +68,9 @@ class FileBrowser:
         widgets.close_on_escape()
         typed = self._header()
         chosen = self._list() or typed
+        if imgui.button("Open"):
+            chosen = chosen or self._go_to_typed()
+        imgui.same_line()
         if imgui.button("Cancel"):
             imgui.close_current_popup()
         imgui.same_line()
@@ -88,6 +93,8 @@ class FileBrowser:
             self._enter(Path.home())
         imgui.same_line()
         imgui.set_next_item_width(-1)
+        if imgui.is_window_appearing():
+            imgui.set_keyboard_focus_here()
         entered, self._typed = imgui.input_text("##folder", self._typed, imgui.InputTextFlags_.enter_returns_true)
         if entered:
             chosen = self._go_to_typed()
@@ -96,8 +103,10 @@ class FileBrowser:
         return chosen
 
     def _go_to_typed(self) -> Path | None:
-        """The file that was typed, or None after a folder or a complaint."""
+        """The file that was typed, or what is built in; None after a folder or a complaint."""
         try:
+            if self._typed.startswith(BUILTIN_PREFIX):
+                return Path(self._typed.strip())
             path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
             if path.is_file():
                 return path
@@ -123,7 +132,7 @@ class FileBrowser:
                 chosen = self._folder / entry.name
             imgui.table_next_column()
             if not entry.is_folder:
-                widgets.right_aligned(f"{entry.size / 1024:,.0f} KiB")
+                widgets.right_aligned(f"{math.ceil(entry.size / 1024):,} KiB")
         if not self._entries:
             imgui.table_next_row()
             imgui.table_next_column()
