@@ -79,6 +79,15 @@ def test_long_edges_are_followed_far(shown):
     assert after < 0.36 * before
 
 
+@pytest.mark.parametrize("slope", [1 / 30, 1 / 20])
+def test_along_an_edge_light_changes_evenly(shown, slope):
+    """No beads: ends are found to the pixel, or whether a step is near would depend on the parity of the search."""
+    exact, sampled = (0.02 + 0.6 * half_plane(slope, False, n) for n in (64, 1))
+    edge = (exact > 0.02) & (exact < 0.62)
+    off = light_of(shown(sampled, True)[..., 0]) - exact
+    assert np.abs(np.diff(off, n=2, axis=1))[edge[:, 1:-1]].mean() < 0.012
+
+
 def test_a_lone_pixel_gets_half_of_its_neighbour_at_most(shown):
     light = np.full(SIZE[::-1], 0.1)
     light[30, 40] = 0.9
