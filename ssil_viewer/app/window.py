@@ -48,7 +48,7 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
                camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
                reference: ReferenceKind = "off", other: Settings | None = None, image_scale: float = 1.0,
-               panel_scale: float = 1.0, choose_exposure: bool = False) -> None:
+               panel_scale: float = 1.0, choose_exposure: bool = False, auto_exposure: bool = False) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -63,6 +63,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         panel_scale: Of text and panels, on top of what the monitor asks for.
         choose_exposure: The one of `settings` is nobody's choice: if the scene is seen nearly black or white with it,
             another is chosen.
+        auto_exposure: One is chosen in any case, by the first picture.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -73,6 +74,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         viewer.state.other = other
         if choose_exposure:
             viewer.actions.exposure.start()
+        if auto_exposure:
+            viewer.actions.exposure.ask()
         viewer.actions.set_reference(reference)
         # A number of frames is asked for to measure or to test: then each turn has to be one.
         viewer.state.continuous |= frames is not None

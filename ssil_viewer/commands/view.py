@@ -28,12 +28,17 @@ def add_flags(parser: Parser) -> None:
                         help="rendered pixels per pixel of the window, along each side; less is faster (10 to 100)")
     window.add_argument("--panel-scale", type=values.whole("--panel-scale", 75, 300), default=100, metavar="PERCENT",
                         help="size of text and panels, on top of what the monitor asks for (75 to 300)")
+    window.add_argument("--auto-exposure", action="store_true", help="choose the exposure from the first picture, as M "
+                        "does; otherwise only if the picture would be nearly black or white")
     add_image_flags(parser, "close the window after this many frames; default: when you close it")
 
 
 def run(args: argparse.Namespace) -> None:
     """Opens the window and returns when it is closed."""
     settings = shared.settings_of(args)
+    if args.auto_exposure and hasattr(args, "exposure"):
+        raise UserError("the window cannot both choose an exposure and be given one", "--auto-exposure and --exposure",
+                        "give one of them")
     other = shared.preset_or_file(args.settings_b) if args.settings_b is not None else None
     scene = shared.load(args, [settings])
     camera = shared.camera_of(args, scene)
@@ -47,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
 
     run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
                reference=args.reference or "off", other=other, image_scale=args.image_scale / 100,
-               panel_scale=args.panel_scale / 100,
+               panel_scale=args.panel_scale / 100, auto_exposure=args.auto_exposure,
                choose_exposure=not hasattr(args, "exposure") and settings.exposure == Settings().exposure)
 
 

@@ -10,6 +10,7 @@ import pytest
 import ssil_viewer
 from ssil_viewer import cli
 from ssil_viewer.app import window as app_window
+from ssil_viewer.app.window import Viewer, run_window
 from ssil_viewer.metering import metered_exposure
 from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.environment import Environment
@@ -124,4 +125,15 @@ def test_the_window_may_choose_where_the_command_line_does_not(monkeypatch, flag
     monkeypatch.setattr(app_window, "run_window", lambda **options: given.update(options))
     monkeypatch.setenv("DISPLAY", ":0")
     assert cli.main(["view", "builtin:cornell", *flags]) == 0
-    assert given["choose_exposure"] == looked_at
+    assert given["choose_exposure"] == looked_at and not given["auto_exposure"]
+
+
+def test_the_window_chooses_at_its_start_where_it_is_told_to(display, scene, monkeypatch, capsys):
+    chosen = []
+    monkeypatch.setattr(Viewer, "release", lambda viewer, original=Viewer.release: (
+        chosen.append(viewer.state.settings.exposure), original(viewer)))
+    for auto_exposure in (False, True):
+        run_window(scene, SETTINGS, (320, 200), frames=2, choose_exposure=True, auto_exposure=auto_exposure)
+    assert chosen[0] == 0.0 and chosen[1] != 0.0
+    assert cli.main(["view", "builtin:cornell", "--auto-exposure", "--exposure", "1"]) == 2
+    assert "--auto-exposure and --exposure, give one of them" in capsys.readouterr().err
