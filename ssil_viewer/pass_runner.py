@@ -205,7 +205,7 @@ class PassRunner:
         history = settings.temporal and motion.previous is not None
         self._uniforms.update(make_frame(view, motion.previous or view, self.size, settings, self.frame_index,
                                          light_count, background, history, motion.light_moves, motion.still,
-                                         motion.camera_alone))
+                                         motion.camera_alone, motion.unmoved))
         for p, frame.bounce in self.plan.schedule():
             self._running = _timed_name(p, frame.bounce)
             with self.timers.measure(self._running):

@@ -111,7 +111,8 @@ void shade(ivec2 px) {
     vec2 center = vec2(px) + 0.5;
     vec3 p = position_from_ray(ray_from_pixel(center, frame.ray_scale * texel, frame.ray_origin), surface.view_depth);
     Slice slice = first_slice(p);
-    vec2 jitter = interleaved_4x4(px);
+    // Where a mean is taken, frames take turns at the 16, too; where none is, the pattern must not boil
+    vec2 jitter = interleaved_4x4(px + (frame.unmoved == 1 ? ivec2(frame.jitter * 4.0) : ivec2(0)));
     vec3 all = vec3(0.0), free = vec3(0.0);
     int i = 0;
     do {

@@ -88,7 +88,7 @@ class Target:
             pyramid. reduction: level 0 is a single texel, each further one is eight times as wide
             and high, and the last an eighth of the image. surfels: level 0, SURFEL_SIDE texels a side, whatever the
             image; surfel_sums: levels 1 to SURFEL_BITS, half as wide each; drawn_senders: level 0, DRAWN_SIDE a side.
-        history: The level-0 texture of the previous frame is kept; passes read it as NAME@previous.
+        history: The finest level's texture of the previous frame is kept; passes read it as NAME@previous.
         optional: Allocated only when somebody asked the pipeline for it.
         exists: Whether it is allocated under given settings.
         cropped: It has the image's size, without the guard band.
@@ -156,7 +156,7 @@ def target_bytes(size: tuple[int, int], settings: Settings, targets: dict[str, T
     total = {"depth_buffer": _DEPTH_BYTES * rendered[0] * rendered[1]} if depth else {}
     for name, target in targets.items():
         whole = size if target.cropped else rendered
-        levels = (*target.levels(settings), *([0] if target.history and target.exists(settings) else []))
+        levels = (*target.levels(settings), *(target.levels(settings)[:1] if target.history else []))
         sizes = [target.level_size(whole, level) for level in levels]
         total[name] = FORMATS[target.format].texel_bytes * sum(width * height for width, height in sizes)
     return total
@@ -189,6 +189,7 @@ class TargetSet:
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._current: dict[tuple[str, int], moderngl.Texture] = {}
         self._previous: dict[str, moderngl.Texture] = {}
+        self._finest: dict[str, int] = {}       # level of each of these
         self._depth_buffer: moderngl.Texture | None = None
         current, previous, depth_buffer = (former._current, former._previous, former._depth_buffer) if former else (
             {}, {}, None)
@@ -196,8 +197,9 @@ class TargetSet:
             for name, target in targets.items():
                 for level in target.levels(settings):
                     self._current[name, level] = self._create(target, level, current.get((name, level)))
-                if target.history and target.exists(settings):
-                    self._previous[name] = self._create(target, 0, previous.get(name))
+                for level in target.levels(settings)[:1] if target.history else ():
+                    self._previous[name] = self._create(target, level, previous.get(name))
+                    self._finest[name] = level
             if depth and depth_buffer is not None and depth_buffer.size == self._rendered:
                 self._depth_buffer = depth_buffer
             elif depth:
@@ -238,8 +240,9 @@ class TargetSet:
 
     def swap_histories(self) -> None:
         """Make this frame's textures the previous ones."""
-        for name, previous in self._previous.items():
-            self._previous[name], self._current[name, 0] = self._current[name, 0], previous
+        for name, level in self._finest.items():
+            current = self._current[name, level]
+            self._current[name, level], self._previous[name] = self._previous[name], current
 
     def framebuffer(self, textures: Iterable[moderngl.Texture], depth: bool = False) -> moderngl.Framebuffer:
         """The framebuffer object with these color attachments, made once."""

@@ -41,15 +41,19 @@ class Sky(ScreenPass):
 
 
 class SkyFilter(ScreenPass):
-    """The same without noise: a cross-bilateral filter over the 4x4 texels in which the slices differ."""
+    """The same without noise: a cross-bilateral filter over the 4x4 texels in which the slices differ and, with the
+    temporal filter, a mean over frames in which nothing moves."""
 
     name = "sky_filter"
     requires = ENVIRONMENT
     shader = "passes/sky_filter.glsl"
-    reads = {"surface": Read.of("surface"), "sky_noisy": Read.of("sky_noisy")}
-    writes = {"sky": Target("rgba8", "share of the environment's irradiance that arrives", "start")}
+    reads = {"surface": Read.of("surface"), "sky_noisy": Read.of("sky_noisy"),
+             "sky_history": Read.of("sky@previous", optional=True)}
+    writes = {"sky": Target("rgba16f", "share of the environment's irradiance that arrives, mean over frames; alpha: "
+                                       "number of frames", "start", history=True)}
     uniforms = {"texel": "float", "window": "int"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         level = frame.settings.start_level
-        yield Dispatch(level, {"texel": float(2**level), "window": 5})
+        omit = frozenset() if frame.settings.temporal else frozenset({"sky_history"})
+        yield Dispatch(level, {"texel": float(2**level), "window": 5}, omit=omit)

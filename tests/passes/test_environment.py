@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.environment import Environment, direction_of, irradiance_map
 from ssil_viewer.scene.model import Camera, Image, Light, Material, TextureRef
 from tests import scenes
@@ -154,6 +155,26 @@ def test_compute_and_fragment_agree_at_any_size_and_level(make_renderer, context
         assert np.isfinite(images[-1]).all() and np.isfinite(renderer.read("final")).all()
     assert np.allclose(*images, rtol=0.01, atol=0.02 * images[0].max())
     assert np.mean(np.abs(images[0] - images[1]) > 1e-3 * images[0].max()) < 0.01
+
+
+def test_at_rest_the_share_is_a_mean_over_frames(make_renderer, stage):
+    """Nearer to 16 directions than one frame is, by a third; moving, it is that of one frame, whatever was before."""
+    scene = replace(load_scene("builtin:atrium"), environment=smooth())
+    camera = scene.cameras[0]
+    beside = replace(camera, eye=(camera.eye[0], camera.eye[1], camera.eye[2] + 0.05))
+
+    def share(frames: tuple[Camera, ...], **settings: object) -> np.ndarray:
+        renderer = make_renderer(scene, SIZE, stage, levels=3, samples=1, shadow_resolution=128, **settings)
+        for view in frames:
+            renderer.render(view)
+        return renderer.read("sky", 2)
+
+    good = share((camera,), sky_directions=16, temporal=False)
+    single, rested = share((camera,), temporal=False), share((camera,) * 16)
+    errors = [np.sqrt(np.mean((found - good) ** 2)) for found in (single, rested)]
+    assert errors[1] < 0.67 * errors[0]
+    assert np.allclose(share((beside,) * 5 + (camera,)), single, atol=2e-3), "half floats"
+    assert (share((camera,) * 3, temporal=False) == single).all()
 
 
 def test_it_comes_and_goes_and_costs_nothing_when_gone(make_renderer):

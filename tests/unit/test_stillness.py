@@ -58,6 +58,18 @@ def test_the_camera_moves_alone_once_no_light_has_for_a_while(steps):
     assert not steps.motion.camera_alone
 
 
+def test_what_has_not_moved_since_the_last_frame(steps):
+    steps(1)
+    assert not steps.motion.unmoved, "there is none"
+    steps(1)
+    assert steps.motion.unmoved
+    for change in ({"x": 1.0}, {"moving": True, "x": 1.0}, {"watched": False, "x": 1.0}):
+        steps(1, **change)
+        assert not steps.motion.unmoved
+    steps(1, x=1.0)
+    assert steps.motion.unmoved
+
+
 def test_where_nobody_watches_nothing_is_still(steps):
     assert steps(40, watched=False) == [(False, False)] * 40
 
