@@ -16,6 +16,7 @@ from ssil_viewer.reference.gpu_pictures import ReferencePictures, Scale
 from ssil_viewer.reference.gpu_sums import ProgressiveReference
 from ssil_viewer.reference.whole_image import legend
 from ssil_viewer.reproduce.studio import FRAMES, Studio, tile
+from ssil_viewer.scene.environment import load_environment
 from ssil_viewer.scene.texels import linear_from_srgb
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "images"
@@ -176,6 +177,23 @@ def tone_map(studio: Studio) -> Image.Image:
     return tile(panels, 2, (420, 236))
 
 
+def sky(studio: Studio) -> Image.Image:
+    """The sun alone, the sun with a clear sky, and the overcast one without the sun."""
+    studio.aim("builtin:atrium", "nave")
+    own, panels = studio.renderer.lights, []
+    try:
+        for name, title, exposure in (("", "the scene's sun", 0.5), ("builtin:sky", "with builtin:sky", -0.5),
+                                      ("builtin:overcast", "builtin:overcast alone", 0.5)):
+            studio.renderer.set_environment(load_environment(name) if name else None)
+            studio.renderer.set_lights(() if "overcast" in name else own)
+            studio.render(exposure=exposure, antialias=True)
+            panels.append((title, studio.picture()))
+    finally:
+        studio.renderer.set_environment(None)
+        studio.renderer.set_lights(own)
+    return tile(panels, 3, (420, 540), (360, 0, 920, 720))
+
+
 def antialias(studio: Studio) -> Image.Image:
     """Edges as they are, smoothed, and as the mean of 4x4 pixels each."""
     left, top, right, bottom = 800, 90, 940, 210
@@ -200,6 +218,7 @@ PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "gather.png": gather, "form-factor.jpg": form_factor, "unseen.jpg": unseen, "upsample.jpg": upsample,
     "temporal.jpg": temporal, "relief.jpg": relief, "visibility.jpg": visibility, "bounces.jpg": bounces,
     "error.jpg": error, "tone-map.jpg": tone_map, "antialias.png": antialias,
+    "sky.jpg": sky,
 }
 
 
