@@ -252,10 +252,10 @@ class Settings:
         "nearest shows the blocks, for comparison.", group="Upsampling", needs=(_BOUNCES,))] = "bilateral"
     temporal: Annotated[bool, Knob(
         "Reuse of the last frames' light by reverse reprojection. Removes noise and flicker at a constant "
-        "cost.", affects="resources", group="Temporal", needs=(_BOUNCES,))] = True
+        "cost.", affects="resources", group="Temporal")] = True
     temporal_frames: Annotated[int, Knob(
         "Longest running mean of the temporal filter. More is steadier and reacts later to moving lights.",
-        1, 256, "frames", log=True, group="Temporal", needs=(_TEMPORAL,))] = 32
+        1, 256, "frames", log=True, group="Temporal", needs=(_TEMPORAL, _BOUNCES))] = 32
     show: Annotated[Literal["both", "direct", "indirect", "glossy"], Knob(
         "Which light is shown. indirect: diffuse and glossy. glossy: the reflection of indirect light alone.",
         affects="display", group="Display")] = "both"
