@@ -3,7 +3,7 @@
 vec3 load_noisy(ivec2 px) { return load_sky_noisy(px).rgb; }
 #include "lib/denoise.glsl"
 
-const float LONGEST = 32.0;
+const float LONGEST = 32.0;     // twice the turns that the slices take
 
 void shade(ivec2 px) {
     out_sky = vec4(1.0);

@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from ssil_viewer.settings import Settings
 
@@ -59,3 +60,17 @@ def drag(viewer, start, end, button=1):
 def picture(viewer):
     renderer = viewer._renderer
     return np.frombuffer(renderer.display.read(), np.uint8).reshape(*renderer.size[::-1], 4)[::-1, :, :3].astype(int)
+
+
+def note_places(monkeypatch, owner, name):
+    """Middles of widgets in window units, by their text, of all that this function of imgui draws from now on."""
+    original, places = getattr(owner, name), {}
+
+    def noted(text, *arguments):
+        result = original(text, *arguments)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        places[text] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
+        return result
+
+    monkeypatch.setattr(owner, name, noted)
+    return places

@@ -12,7 +12,7 @@ from ssil_viewer.app.panels import file_browser, messages
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.settings import Settings
-from tests.app.driving import IMAGE_POINT, NEEDS_X, click, drag, turn, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, click, drag, note_places, turn, xdotool
 
 pytestmark = NEEDS_X
 ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
@@ -21,26 +21,22 @@ ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
 @pytest.fixture
 def field(viewer, monkeypatch):
     """The middle of the box's text field, in window units."""
-    original, found = imgui.input_text, {}
+    places = note_places(monkeypatch, file_browser.imgui, "input_text")
+    return lambda: places["##folder"]
 
-    def noted(name, *arguments):
-        result = original(name, *arguments)
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        found[name] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
-        return result
 
-    monkeypatch.setattr(file_browser.imgui, "input_text", noted)
-    return lambda: found["##folder"]
+def fill(viewer, field, text):
+    click(viewer, field())
+    xdotool(viewer, "key", "ctrl+a")
+    xdotool(viewer, "type", "--delay", "10", text)
+    turn(viewer, 3 * len(text))    # imgui takes keys one after the other
 
 
 def type_path(viewer, field, path):
     xdotool(viewer, "mousemove", *IMAGE_POINT)
     xdotool(viewer, "key", "ctrl+o")
     assert viewer._gui.has_modal
-    click(viewer, field())
-    xdotool(viewer, "key", "ctrl+a")
-    xdotool(viewer, "type", "--delay", "10", str(path))
-    turn(viewer, 3 * len(str(path)))    # imgui takes keys one after the other
+    fill(viewer, field, str(path))
     xdotool(viewer, "key", "Return")
 
 
@@ -63,30 +59,15 @@ def test_what_is_built_in_can_be_typed_at_once(viewer):
 
 
 def test_a_button_opens_what_was_typed(viewer, field, tmp_path, monkeypatch):
-    original, places = imgui.button, {}
-
-    def noted(text, *arguments):
-        pressed = original(text, *arguments)
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        places[text] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
-        return pressed
-
-    monkeypatch.setattr(file_browser.imgui, "button", noted)
+    places = note_places(monkeypatch, file_browser.imgui, "button")
     saved = tmp_path / "a.toml"
     saved.write_text("samples = 7")
-    viewer.actions.browse_scene()
-    turn(viewer, 2)
-    viewer._gui._browser._typed = str(saved)
-    click(viewer, places["Cancel"])
-    assert not viewer._gui.has_modal and viewer.state.settings.samples == 4
-    viewer.actions.browse_scene()
-    turn(viewer, 2)
-    click(viewer, field())
-    xdotool(viewer, "key", "ctrl+a")
-    xdotool(viewer, "type", "--delay", "10", saved.name)
-    turn(viewer, 3 * len(saved.name))
-    click(viewer, places["Open"])
-    assert not viewer._gui.has_modal and viewer.state.settings.samples == 7
+    for button, samples in (("Cancel", SETTINGS.samples), ("Open", 7)):
+        viewer.actions.browse_scene()
+        turn(viewer, 2)
+        fill(viewer, field, saved.name)
+        click(viewer, places[button])
+        assert not viewer._gui.has_modal and viewer.state.settings.samples == samples
 
 
 def test_a_path_that_leads_nowhere_can_be_mended(viewer, field):
