@@ -50,11 +50,11 @@ class Actions(CameraActions, LightActions):
         self.benchmark = WindowBenchmark(state, renderer)
         self.reference = WindowReference(state, renderer)
         self.other = OtherSettings(state, renderer)
-        self.exposure = ExposureChoice(state, renderer)
+        self.history = History()
+        self.exposure = ExposureChoice(state, renderer, self.history.absorb_exposure)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self._lights_after_loading: tuple[Light, ...] | None = None
-        self.history = History()
         # The file browser puts itself here
         self.on_browse: Callable[[Path | None], None] = lambda folder: None
 
@@ -206,9 +206,8 @@ class Actions(CameraActions, LightActions):
         self.history.look(self._snapshot(), busy)
 
     def _snapshot(self) -> Snapshot:
-        # The exposure may be the program's own choice
-        settings = self.state.settings.replaced({"exposure": Settings().exposure})
-        return Snapshot(settings, self.state.lights, self.state.scene.environment, self.state.other)
+        state = self.state
+        return Snapshot(state.settings, state.lights, state.scene.environment, state.other, self.exposure.own)
 
     def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
         if snapshot is None:
@@ -216,13 +215,12 @@ class Actions(CameraActions, LightActions):
             return
         state, now = self.state, self._snapshot()
         state.say(f"{done}: {difference(now, snapshot)}")
-        state.settings = snapshot.settings.replaced({"exposure": state.settings.exposure})
-        state.other = snapshot.other
+        state.settings, state.other = snapshot.settings, snapshot.other
+        self.exposure.own = snapshot.own_exposure
         if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
             # Which light moves is told by its place in the list
             state.lights, state.motion = snapshot.lights, LightMotion()
             state.scene = replace(state.scene, environment=snapshot.environment)
-            self.exposure.light_changed()
 
     @shows_errors
     def start_benchmark(self) -> None:

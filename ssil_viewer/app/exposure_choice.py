@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
@@ -14,17 +16,24 @@ class ExposureChoice:
     """Sets `exposure` of the state by the picture: once, so that kinds of light and settings can be compared.
 
     Whatever else sets it, a slider, a file, a saved picture, is the user's choice, which stays.
+
+    Args:
+        on_own: Told of an exposure that was set without having been asked for.
+
+    Attributes:
+        own: The exposure that was set here last; None before `start`.
     """
 
-    def __init__(self, state: AppState, renderer: Renderer) -> None:
-        self._state, self._renderer = state, renderer
-        self._automatic: float | None = None    # what was set here last
+    def __init__(self, state: AppState, renderer: Renderer, on_own: Callable[[float], None] = lambda exposure: None
+                 ) -> None:
+        self._state, self._renderer, self._on_own = state, renderer, on_own
+        self.own: float | None = None
         self._asked = False                     # by the user
         self._unchecked = False                 # the scene or its light is new
 
     def start(self) -> None:
         """The exposure at the start of the window is nobody's choice; look at the first frame."""
-        self._automatic = self._state.settings.exposure
+        self.own = self._state.settings.exposure
         self.light_changed()
 
     def ask(self) -> None:
@@ -33,13 +42,13 @@ class ExposureChoice:
 
     def light_changed(self) -> None:
         """Another scene, or another light in it: look at its first frame, unless the user has chosen an exposure."""
-        if self._state.settings.exposure == self._automatic:
+        if self._state.settings.exposure == self.own:
             self._set(Settings().exposure)
             self._unchecked = True
 
     def frame_shown(self) -> None:
         """Choose, if there is a reason to. Call it once a turn in which the picture shows what the state says."""
-        asked, unchecked = self._asked, self._unchecked and self._state.settings.exposure == self._automatic
+        asked, unchecked = self._asked, self._unchecked and self._state.settings.exposure == self.own
         self._asked = self._unchecked = False
         if not (asked or unchecked):
             return
@@ -57,10 +66,11 @@ class ExposureChoice:
             self._state.say(f"Exposure {exposure:+.1f} EV{', as before' if exposure == before else ''}")
         elif abs(exposure - self._state.settings.exposure) >= FAR_OFF:
             self._set(exposure)
+            self._on_own(exposure)
             kind = "dark" if exposure > 0 else "bright"
             self._state.say(f"Exposure {exposure:+.1f} EV, since the scene is very {kind}; a right click on Exposure "
                             "sets 0")
 
     def _set(self, exposure: float) -> None:
-        self._automatic = exposure
+        self.own = exposure
         self._state.settings = self._state.settings.replaced({"exposure": exposure})

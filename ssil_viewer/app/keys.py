@@ -89,7 +89,7 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("T", "Timings on and off", "Program", "toggle_timings", (Chord("T"),)),
     Binding("Ctrl+click on a slider", "Type a value", "Program"),
     Binding("Right click on a setting", "Back to its default", "Program"),
-    Binding("Ctrl+Z", "Take the last change of settings (but for the exposure), lights or environment back", "Program",
+    Binding("Ctrl+Z", "Take the last change of settings, lights or environment back", "Program",
             "undo", (Chord("Z", ctrl=True),)),
     Binding("Ctrl+Y or Ctrl+Shift+Z", "Make it again", "Program", "redo",
             (Chord("Y", ctrl=True), Chord("Z", ctrl=True, shift=True))),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Light
@@ -14,12 +14,17 @@ _MOST = 200
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What a change changes."""
+    """What a change changes.
+
+    Attributes:
+        own_exposure: The exposure that the program chose last, whether or not the settings still have it.
+    """
 
     settings: Settings
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
     other: Settings | None = None       # B
+    own_exposure: float | None = field(default=None, compare=False)
 
 
 class History:
@@ -42,6 +47,12 @@ class History:
             self._past.append(self._now)
             self._future.clear()
             self._now = now
+
+    def absorb_exposure(self, exposure: float) -> None:
+        """Count an exposure that nobody asked for as part of the last change, which was the reason for it."""
+        if self._now is not None:
+            self._now = replace(self._now, settings=self._now.settings.replaced({"exposure": exposure}),
+                                own_exposure=exposure)
 
     def back(self, now: Snapshot) -> Snapshot | None:
         """What was before the last change; None where nothing is known."""

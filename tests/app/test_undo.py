@@ -58,3 +58,11 @@ def test_what_differs_is_named_in_a_few_words():
     assert difference(FIRST, LIT) == "samples, lights"
     many = replace(FIRST, settings=Settings(samples=9, levels=2, radius=9.0, bounces=2))
     assert difference(FIRST, many) == "4 settings"
+
+
+def test_an_exposure_that_nobody_asked_for_belongs_to_the_change_before(history):
+    history.absorb_exposure(4.0)
+    now = replace(LIT, settings=LIT.settings.replaced({"exposure": 4.0}), own_exposure=4.0)
+    assert history.back(now) == MORE
+    back = history.forward(MORE)
+    assert back == now and back.own_exposure == 4.0

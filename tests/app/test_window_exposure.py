@@ -137,3 +137,28 @@ def test_the_window_chooses_at_its_start_where_it_is_told_to(display, scene, mon
     assert chosen[0] == 0.0 and chosen[1] != 0.0
     assert cli.main(["view", "builtin:cornell", "--auto-exposure", "--exposure", "1"]) == 2
     assert "--auto-exposure and --exposure, give one of them" in capsys.readouterr().err
+
+
+def test_an_exposure_can_be_taken_back_and_stays_the_programs_own(viewer, scene, dim):
+    actions, state = viewer.actions, viewer.state
+    actions.exposure.start()
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    turn(viewer)
+    actions.undo()
+    assert state.settings.exposure == chosen and "Nothing to undo" in state.toasts[-1].text
+    # One that the user sets is a change of its own
+    actions.set_settings(dataclasses.replace(state.settings, exposure=-5.0))
+    turn(viewer)
+    actions.undo()
+    assert state.settings.exposure == chosen and "exposure" in state.toasts[-1].text
+    # A light that makes the program choose another is one change, with its exposure
+    actions._set_environment(Environment("white", np.ones((8, 16, 3), np.float32)))
+    turn(viewer)
+    turn(viewer)
+    assert state.settings.exposure == 0.0
+    actions.undo()
+    turn(viewer)
+    assert state.scene.environment is None and state.settings.exposure == chosen
+    open_in(viewer, scene)
+    assert state.settings.exposure == 0.0, "the one that came back is still nobody's choice"
