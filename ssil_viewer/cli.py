@@ -88,6 +88,9 @@ def _dispatch(arguments: list[str]) -> int:
     scene = getattr(parsed, "scene", None)
     if scene in COMMANDS and not Path(scene).exists():
         raise UserError(f"{scene} is a command, not a scene", "", f"begin with {_PROGRAM} {scene}")
+    from ssil_viewer.commands import shared  # with NumPy, which what is above does without
+
+    shared.take_picture(parsed)
     command.run(parsed)
     return 0
 

@@ -9,7 +9,7 @@ from typing import Callable, get_args
 
 import numpy as np
 
-from ssil_viewer.app import saved_view
+from ssil_viewer import saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_actions import CameraActions, WindowControl, shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice

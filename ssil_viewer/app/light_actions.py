@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ssil_viewer.app import saved_view
+from ssil_viewer import saved_view
 from ssil_viewer.app.camera_actions import shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_motion import LightMotion

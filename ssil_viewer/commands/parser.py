@@ -81,7 +81,9 @@ class Parser(argparse.ArgumentParser):
 
 def add_scene(parser: Parser, default: str | None = None) -> None:
     """Adds the SCENE argument, and the flags for light that comes from other files."""
-    text = "a .gltf, .glb, .obj, .ply, .stl, .off, .3mf or .dae file, or builtin:NAME (see ssil-viewer scenes)"
+    parser.set_defaults(picture=None)
+    text = "a .gltf, .glb, .obj, .ply, .stl, .off, .3mf or .dae file, or builtin:NAME (see ssil-viewer scenes), or a "\
+           "saved .png: its scene, view, light and settings"
     light = parser.add_argument_group("light")
     light.add_argument("--lights", metavar="FILE", help="a TOML file of lights, in place of the scene's own; see "
                        "docs/lights.md")

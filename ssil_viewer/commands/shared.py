@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ssil_viewer import saved_view
 from ssil_viewer.commands import values
 from ssil_viewer.errors import UserError
+from ssil_viewer.resources import BUILTIN_PREFIX
 from ssil_viewer.scene.environment import load_environment
 from ssil_viewer.scene.light_file import load_lights, with_lights
 from ssil_viewer.scene.lights import SUN_ADDED
@@ -25,12 +27,12 @@ _LEVEL_SETTINGS = {"start_level", "levels"}
 
 
 def settings_of(args: argparse.Namespace) -> Settings:
-    """Defaults, then preset, then settings file, then flags; the later wins.
+    """Defaults, then those of a picture, then preset, then settings file, then flags; the later wins.
 
     Raises:
         UserError: An unknown preset, a bad file, or levels that do not fit the size that was asked for.
     """
-    settings = Settings()
+    settings = args.picture.settings if args.picture is not None else Settings()
     sources: dict[str, str] = {}  # levels that somebody asked for, and where: "" for flags
     if args.preset is not None:
         settings = _and_sources(load_preset(args.preset, settings), settings, f"--preset {args.preset}", sources)
@@ -40,6 +42,25 @@ def settings_of(args: argparse.Namespace) -> Settings:
     settings = settings.replaced(flags)
     check_fits(args.size, settings, sources | dict.fromkeys(_LEVEL_SETTINGS & flags.keys(), ""))
     return settings
+
+
+def take_picture(args: argparse.Namespace) -> None:
+    """Where SCENE is a saved picture, puts what it shows in its place: `picture`, and its `scene` and `environment`.
+
+    Raises:
+        UserError: It is no picture of this program, or its scene is not there.
+    """
+    source = getattr(args, "scene", None)
+    if not source or Path(source).suffix.lower() != ".png":
+        return
+    args.picture = saved_view.load_picture(Path(source))
+    args.scene = args.picture.scene
+    if not args.scene:
+        raise UserError("picture does not say which scene it shows", source)
+    if not args.scene.startswith(BUILTIN_PREFIX) and not Path(args.scene).exists():
+        raise UserError("the scene that the picture shows is not there", args.scene, "start where it was saved")
+    if args.environment is None:
+        args.environment = args.picture.environment or None
 
 
 def preset_or_file(name: str) -> Settings:
@@ -120,10 +141,13 @@ def load_described(args: argparse.Namespace) -> Scene:
         load_lights(args.lights)
     if args.environment is not None:
         environment = load_environment(args.environment)
-    lit = args.lights is not None or environment is not None and environment.replaces_sun
+    kept = args.picture.lights if args.picture is not None and args.lights is None else None
+    lit = args.lights is not None or kept is not None or environment is not None and environment.replaces_sun
     scene = load_scene(args.scene, default_light=not lit)
     if args.lights is not None:
         scene = with_lights(scene, args.lights)
+    elif kept is not None:
+        scene = dataclasses.replace(scene, lights=kept)
     if environment is not None:
         scene = dataclasses.replace(scene, environment=environment,
                                     warnings=(*scene.warnings, *environment.warnings))
@@ -140,14 +164,17 @@ def warn(warnings: Sequence[str]) -> None:
 
 
 def camera_of(args: argparse.Namespace, scene: Scene) -> Camera:
-    """The scene's camera, or the one that was asked for, with --eye, --target, --up and --fov laid over it.
+    """The camera of scene or picture, or the one that was asked for, with --eye, --target, --up and --fov laid over it.
 
     Raises:
         UserError: No such camera, or vectors that do not span a view.
     """
     from ssil_viewer.scene import default_camera
 
-    camera = default_camera(scene) if args.camera is None else _named_camera(scene, args.camera)
+    if args.camera is not None:
+        camera = _named_camera(scene, args.camera)
+    else:
+        camera = args.picture.camera if args.picture is not None else default_camera(scene)
     changes = {name: getattr(args, name) for name in ("eye", "target", "up") if getattr(args, name) is not None}
     if {"eye", "target"} & changes.keys():
         changes["near"] = None      # the file's was chosen for its own view

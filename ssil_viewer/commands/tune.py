@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _preset(report: dict[str, Any], chosen: Candidate) -> str:
-    from ssil_viewer.app.saved_view import settings_text
+    from ssil_viewer.saved_view import settings_text
 
     width, height = report["size"]
     head = (f"Least error within {report['budget_ms']:g} ms: {chosen.ms:.3g} ms, {100 * chosen.error:.1f} % on "

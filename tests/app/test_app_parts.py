@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ssil_viewer.app import keys, saved_view
+from ssil_viewer import saved_view
+from ssil_viewer.app import keys
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.diagnosis import why_no_indirect

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssil_viewer import output
-from ssil_viewer.app import saved_view, theme
+from ssil_viewer import output, saved_view
+from ssil_viewer.app import theme
 from ssil_viewer.scene.model import Light
 from tests.app.driving import IMAGE_POINT, NEEDS_X, SIZE, picture, turn, until, xdotool
 

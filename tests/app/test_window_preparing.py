@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer import compile_ahead
-from ssil_viewer.app import saved_view
+from ssil_viewer import compile_ahead, saved_view
 from ssil_viewer.app.glfw_window import open_window
 from ssil_viewer.app.window import Viewer
 from ssil_viewer.errors import UserError

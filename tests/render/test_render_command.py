@@ -293,3 +293,49 @@ def test_a_picture_without_light_keeps_its_exposure(tmp_path):
     assert "exposure +1 EV" in done.stdout
     done = ssil_viewer("render", *common, cwd=tmp_path)
     assert done.stderr == "ssil-viewer: warning: the picture is black: nothing in it is lit\n"
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    """A picture of nothing that is the default: settings, camera, light, and a scene beside the picture."""
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "plate.obj").write_text("v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 1 4 3 2\n")
+    (folder / "lamps.toml").write_text('[[light]]\nkind = "point"\nposition = [0, 1, 0]\nintensity = 2\n')
+    done = ssil_viewer("render", "plate.obj", *FAST, "--lights", "lamps.toml", "--environment", "builtin:overcast",
+                       "--eye", "1,2,3", "--target", "0,0,0", "--exposure", "-1", "-o", "first.png", cwd=folder)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    return folder / "first.png"
+
+
+SMALL = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--frames", "2"]
+
+
+def test_a_saved_picture_can_be_rendered_again_from_anywhere(saved, tmp_path):
+    done = ssil_viewer("render", str(saved), *SMALL, "-o", "again.png", cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    first, again = output.read_metadata(saved), output.read_metadata(tmp_path / "again.png")
+    assert np.array_equal(np.asarray(Image.open(saved)), np.asarray(Image.open(tmp_path / "again.png")))
+    assert {k: v for k, v in first.items() if k != "scene"} == {k: v for k, v in again.items() if k != "scene"}
+
+
+@pytest.mark.parametrize("flags", (["--exposure", "0"], ["--eye", "0,2,3"], ["--lights", "none.toml"],
+                                   ["--environment", "builtin:sky"]))
+def test_flags_come_on_top_of_a_saved_picture(saved, flags):
+    (saved.parent / "none.toml").write_text("")
+    done = ssil_viewer("render", saved.name, *SMALL, *flags, "-o", "other.png", cwd=saved.parent)
+    assert done.returncode == 0, done.stderr
+    first, other = (output.read_metadata(saved.with_name(name)) for name in (saved.name, "other.png"))
+    changed = {key for key in first if first[key] != other[key]}
+    assert changed == {{"--exposure": "settings", "--eye": "camera", "--lights": "lights",
+                        "--environment": "environment"}[flags[0]]}
+
+
+def test_a_picture_that_cannot_be_seen_again_says_why(saved, tmp_path):
+    (tmp_path / "alone.png").write_bytes(saved.read_bytes())
+    Image.new("RGB", (2, 2)).save(tmp_path / "photo.png")
+    for name, reason in (("alone.png", "the scene that the picture shows is not there, plate.obj"),
+                         ("photo.png", "picture holds no settings, photo.png"),
+                         ("missing.png", "picture cannot be read, missing.png")):
+        done = ssil_viewer("render", name, *SMALL, "-o", "out.png", cwd=tmp_path)
+        assert done.returncode == 2 and reason in done.stderr and done.stderr.count("\n") == 1, done.stderr
+        assert not (tmp_path / "out.png").exists()

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ssil_viewer"
 LAYERS = (
     ("errors", "resources"),
     ("toml_file",),
-    ("settings", "scene", "output"),
+    ("settings", "scene", "output", "saved_view"),
     ("gpu", "buffers"),
     ("frame_uniforms",),
     ("passes", "stillness"),

@@ -1,4 +1,4 @@
-"""What the window writes and reads back: pictures that remember their settings, files of settings and of lights."""
+"""What is written and read back: pictures that remember what they show, files of settings and of lights."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class SavedView:
     """What a saved picture shows.
 
     Attributes:
-        scene: Source of the scene, empty when the picture does not say.
+        scene: Source of the scene, empty when the picture does not say. Of `load_picture`: beside the picture, if the
+            file is there alone.
         environment: File of the environment, empty when there is none; None where the picture does not say.
         lights: None where the picture does not say.
     """
@@ -69,14 +70,15 @@ def load_picture(path: Path) -> SavedView:
     except (OSError, ValueError, SyntaxError) as error:   # Pillow raises SyntaxError for broken chunks
         raise UserError("picture cannot be read", str(path), str(error)) from error
     if not isinstance(data, dict) or not {"settings", "camera"} <= data.keys():
-        raise UserError("picture holds no settings", str(path), "drop one that was saved with F12")
+        raise UserError("picture holds no settings", str(path), "give one that F12 or ssil-viewer render has written")
     try:
         camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
-        environment = str(data["environment"]) if "environment" in data else None
+        environment = _beside(str(data["environment"]), path) if "environment" in data else None
         lights = lights_of(data["lights"], str(path)) if "lights" in data else None
-        return SavedView(str(data.get("scene", "")), Settings().replaced(values, str(path)), camera, environment,
+        scene = _beside(str(data.get("scene", "")), path)
+        return SavedView(scene, Settings().replaced(values, str(path)), camera, environment,
                          lights)
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
@@ -127,6 +129,12 @@ def _read_vector(stored: Any) -> tuple[float, float, float]:
     if not all(map(math.isfinite, (x, y, z))):
         raise ValueError("a camera needs finite numbers")
     return x, y, z
+
+
+def _beside(source: str, picture: Path) -> str:
+    """A file that the picture names, as it says or, where only that exists, relative to the picture's folder."""
+    near = picture.parent / source
+    return str(near) if source and not Path(source).exists() and near.exists() else source
 
 
 def _free_name(folder: Path, ending: str, begin: str = "ssil") -> Path:
