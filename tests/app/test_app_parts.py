@@ -150,6 +150,18 @@ def test_a_new_light_has_a_unit_direction(kind):
     assert math.hypot(*lights_panel.new_light(kind, CameraControl()).direction) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("distance", [0.05, 5.0, 800.0])
+def test_new_lights_of_all_kinds_are_equally_bright_where_the_camera_looks(distance):
+    camera = CameraControl(distance=distance)
+    for kind in ("point", "spot", "directional", "rectangle", "disc", "sphere"):
+        light = lights_panel.new_light(kind, camera)
+        apart = math.dist(light.position, camera.target)
+        area = {"rectangle": light.width * light.height, "disc": math.pi * light.radius ** 2,
+                "sphere": math.pi * light.radius ** 2}.get(kind, 1.0)
+        irradiance = light.intensity * area / (1.0 if kind == "directional" else apart ** 2)
+        assert irradiance == pytest.approx(2.0, rel=0.01), kind
+
+
 @pytest.mark.parametrize("path", ["circle", "swing"])
 def test_a_light_moves_about_its_place_and_comes_round(path):
     motion = LightMotion(light=0, path=path, period=4.0, reach=2.0)

@@ -175,13 +175,6 @@ def test_settings_that_are_refused_are_nothing_to_undo(viewer, monkeypatch):
     assert viewer.state.settings == first
 
 
-def test_the_exposure_is_nothing_to_undo(viewer):
-    viewer.state.settings = viewer.state.settings.replaced({"exposure": 2.0})
-    turn(viewer, 2)
-    viewer.actions.undo()
-    assert viewer.state.settings.exposure == 2.0 and viewer.state.toasts[-1].text == "Nothing to undo"
-
-
 def test_an_environment_and_the_sun_that_it_replaced_come_back_together(viewer, tmp_path):
     before = viewer.state.lights
     sky = Environment("sky", np.ones((4, 8, 3), np.float32))

@@ -20,6 +20,7 @@ _UNITS = {"directional": ("W/m\u00b2", "Irradiance facing the light."),
           "area": ("W/m\u00b2/sr", "Radiance of the surface. It is not seen itself: for that, a mesh has to emit.")}
 _BUTTONS_PER_ROW = 3
 _SMALLEST = 1e-3     # metres
+_NEW_IRRADIANCE = 2.0   # W m^-2 of a new light where it is to be seen: clear beside the light of a room, not blinding
 _MAX_INTENSITY = 1e6
 _NODE = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.frame_padding
 _STEEPEST = math.radians(89.9)
@@ -27,10 +28,13 @@ _STEEPEST = math.radians(89.9)
 
 def draw(state: AppState, actions: Actions) -> None:
     """The list of lights, the editor of each, and the motion."""
-    _add_buttons(state)
+    added = _add_buttons(state)
     for index, light in enumerate(state.lights):
         imgui.push_id(index)
         text = light.name or f"{light.kind.capitalize()} {index + 1}"
+        if added and light is state.lights[-1]:
+            imgui.set_next_item_open(True)
+            imgui.set_scroll_here_y()
         if imgui.tree_node_ex(f"{text}###light", _NODE):
             edited = _edit(light, state.camera.scene_radius)
             deleted = imgui.button("Delete")
@@ -54,18 +58,22 @@ def draw(state: AppState, actions: Actions) -> None:
 
 
 def new_light(kind: LightKind, camera: CameraControl) -> Light:
-    """A light that shows in the present view, bright enough at the distance of what the camera looks at."""
-    intensity = 3.0 if kind == "directional" else round(camera.distance ** 2, 3)
+    """A light that shows in the present view: halfway to what the camera looks at, with this irradiance there."""
+    to_target, size = 0.5 * camera.distance, max(0.2 * camera.distance, _SMALLEST)
+    intensity = _NEW_IRRADIANCE * (1.0 if kind == "directional" else to_target ** 2)
     if kind in AREA_KINDS:
-        intensity = 30.0     # with the size below, it gives what a point light would give there
+        area = size ** 2 if kind == "rectangle" else math.pi * (0.5 * size) ** 2    # as seen from the target
+        # As far away as it is here, it sends what a small one would within 6 %
+        intensity = _NEW_IRRADIANCE * to_target ** 2 / area
     place = 0.5 * (camera.eye + camera.target)
     direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(camera.forward))
-    size = max(0.2 * camera.distance, _SMALLEST)
-    return Light(kind, f"New {kind}", intensity=intensity, position=_triple(place), direction=direction,
+    return Light(kind, f"New {kind}", intensity=float(f"{intensity:.3g}"), position=_triple(place), direction=direction,
                  width=size, height=size, radius=size / 2)
 
 
-def _add_buttons(state: AppState) -> None:
+def _add_buttons(state: AppState) -> bool:
+    """Returns whether a light was added, as the last."""
+    before = len(state.lights)
     imgui.align_text_to_frame_padding()
     imgui.text("Add")
     left = imgui.get_cursor_pos_x() + imgui.calc_text_size("Add").x + imgui.get_style().item_spacing.x
@@ -78,10 +86,15 @@ def _add_buttons(state: AppState) -> None:
             imgui.same_line(left)
         if imgui.button(kind.capitalize()):
             state.lights += (new_light(kind, state.camera),)
+    return len(state.lights) > before
 
 
 def _edit(light: Light, scene_radius: float) -> Light:
     changes: dict[str, Any] = {}
+    widgets.label("Name")
+    changed, name = imgui.input_text("##name", light.name)
+    if changed:
+        changes["name"] = name
     widgets.label("Kind")
     kind = widgets.choice("kind", light.kind, _KINDS)
     if kind != light.kind:
