@@ -16,6 +16,7 @@ from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_actions import LightActions
 from ssil_viewer.app.light_motion import LightMotion
 from ssil_viewer.app.other_settings import OtherSettings, with_display_of
+from ssil_viewer.app.recent_scenes import RecentScenes
 from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.scene_loading import Loaded, SceneLoader
 from ssil_viewer.app.state import AppState, ReferenceKind
@@ -51,6 +52,7 @@ class Actions(CameraActions, LightActions):
         self.reference = WindowReference(state, renderer)
         self.other = OtherSettings(state, renderer)
         self.history = History()
+        self.recent = RecentScenes()
         self.exposure = ExposureChoice(state, renderer, self.history.absorb_exposure)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
@@ -364,6 +366,7 @@ class Actions(CameraActions, LightActions):
             scene = replace(scene, environment=environment, lights=kept)
         self._renderer.set_scene(scene)
         self.state.open_scene(scene, outcome.camera)
+        self.recent.add(outcome.source)
         self.history.forget()
         if camera is not None:
             self.state.camera.set_camera(camera)

@@ -132,6 +132,10 @@ class Gui:
             widgets.close_on_escape()
             scene.draw_builtin_entries(self._actions)
             imgui.end_menu()
+        if imgui.begin_menu("Open recent"):
+            widgets.close_on_escape()
+            scene.draw_recent_entries(self._actions)
+            imgui.end_menu()
         self._item("Load again", "reload_scene")
         imgui.separator()
         self._item("Save image", "save_image")

@@ -22,6 +22,7 @@ from ssil_viewer.app.imgui_renderer import ImguiRenderer
 from ssil_viewer.app.keys import MOVEMENT_KEYS, Chord
 from ssil_viewer.app.keys import actions as key_actions
 from ssil_viewer.app.pacing import Pacer
+from ssil_viewer.app.recent_scenes import RecentScenes
 from ssil_viewer.app.scene_loading import SceneLoader
 from ssil_viewer.app.state import AppState, PixelReading, ReferenceKind
 from ssil_viewer.errors import UserError
@@ -48,7 +49,8 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
                camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
                reference: ReferenceKind = "off", other: Settings | None = None, image_scale: float = 1.0,
-               panel_scale: float = 1.0, choose_exposure: bool = False, auto_exposure: bool = False) -> None:
+               panel_scale: float = 1.0, choose_exposure: bool = False, auto_exposure: bool = False,
+               recent: RecentScenes | None = None) -> None:
     """Open a window on a scene and return when it is closed.
 
     Args:
@@ -64,6 +66,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         choose_exposure: The one of `settings` is nobody's choice: if the scene is seen nearly black or white with it,
             another is chosen.
         auto_exposure: One is chosen in any case, by the first picture.
+        recent: Scenes opened before, for the menu; None keeps a list of this window alone.
 
     Raises:
         UserError: There is no display or no fit OpenGL, or the scene cannot be shown.
@@ -72,6 +75,9 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     try:
         viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
         viewer.state.other = other
+        if recent is not None:
+            viewer.actions.recent = recent
+        viewer.actions.recent.add(scene.name)
         if choose_exposure:
             viewer.actions.exposure.start()
         if auto_exposure:

@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> None:
     check_display()
 
     try:
+        from ssil_viewer.app.recent_scenes import RecentScenes
         from ssil_viewer.app.window import run_window
     except ImportError as error:    # of a library of the system that some package loads
         raise UserError("the window needs a library that is missing", str(error),
@@ -53,6 +54,8 @@ def run(args: argparse.Namespace) -> None:
     run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
                reference=args.reference or "off", other=other, image_scale=args.image_scale / 100,
                panel_scale=args.panel_scale / 100, auto_exposure=args.auto_exposure,
+               # A run of so many frames is a script's
+               recent=RecentScenes.of_user() if args.frames is None else None,
                choose_exposure=not hasattr(args, "exposure") and settings.exposure == Settings().exposure)
 
 

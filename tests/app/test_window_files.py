@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 
 from ssil_viewer import output, saved_view
 from ssil_viewer.app import theme
 from ssil_viewer.scene.model import Light
-from tests.app.driving import IMAGE_POINT, NEEDS_X, SIZE, picture, turn, until, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SIZE, click, picture, turn, until, xdotool
 
 pytestmark = NEEDS_X
 
@@ -135,3 +136,28 @@ def test_a_clear_sky_goes_with_the_sun(viewer, tmp_path):
         turn(viewer, 2)
         assert viewer._renderer.environment.name == f"builtin:{name}"
         assert [light.name for light in viewer._renderer.lights] == ["default sun"] * suns
+
+
+def test_a_scene_opened_before_can_be_opened_from_the_menu(viewer, tmp_path, monkeypatch):
+    plate = tmp_path / "plate.obj"
+    plate.write_text("v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 1 4 3 2\n")
+    viewer.actions.open_path(plate)
+    until(viewer, lambda: not viewer.state.loading)
+    viewer.actions.open_scene("builtin:cornell")
+    until(viewer, lambda: not viewer.state.loading)
+    assert viewer.actions.recent.paths == (str(plate.resolve()),)
+    items, simple = {}, imgui.menu_item_simple
+
+    def note(label, *args, **kwargs):
+        chosen = simple(label, *args, **kwargs)
+        items[label] = *imgui.get_item_rect_min(), *imgui.get_item_rect_max()
+        return chosen
+
+    monkeypatch.setattr(imgui, "menu_item_simple", note)
+    click(viewer, (25, 8))
+    left, top, right, _ = items["Load again"]      # the entry for the list is the line above
+    click(viewer, ((left + right) / 2, top - 8))
+    left, top, right, bottom = items["plate.obj"]
+    click(viewer, ((left + right) / 2, (top + bottom) / 2))
+    until(viewer, lambda: not viewer.state.loading)
+    assert viewer.state.scene.name == str(plate.resolve())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Sequence
 
 from imgui_bundle import imgui
@@ -68,6 +69,23 @@ def draw_builtin_entries(actions: Actions) -> None:
         if imgui.menu_item_simple(name):
             actions.open_scene(f"builtin:{name}")
         widgets.hint(text)
+
+
+def draw_recent_entries(actions: Actions) -> None:
+    """The scenes opened before as entries of a menu; files that are gone stay listed, but cannot be chosen."""
+    paths = actions.recent.paths
+    for index, path in enumerate(paths):
+        imgui.push_id(index)    # of several folders, files may have one name
+        if imgui.menu_item_simple(Path(path).name, enabled=Path(path).is_file()):
+            actions.open_scene(path)
+        widgets.hint(path)
+        imgui.pop_id()
+    if not paths:
+        widgets.muted("Scene files that you open")
+    else:
+        imgui.separator()
+        if imgui.menu_item_simple("Clear the list"):
+            actions.recent.clear()
 
 
 def _table(rows: dict[str, str]) -> None:
