@@ -80,7 +80,7 @@ def load_picture(path: Path) -> SavedView:
         scene = _beside(str(data.get("scene", "")), path)
         return SavedView(scene, Settings().replaced(values, str(path)), camera, environment,
                          lights)
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError, OSError) as error:    # OSError: too long a path
         raise UserError("settings in the picture cannot be read", str(path), str(error)) from error
 
 

@@ -44,9 +44,13 @@ class RecentScenes:
                     self._paths = tuple(path for path in stored if isinstance(path, str))[:_MOST]
         return self._paths
 
+    def entries(self) -> list[tuple[str, bool]]:
+        """The paths, and whether a file is there."""
+        return [(path, _is_file(path)) for path in self.paths]
+
     def add(self, source: str) -> None:
         """Note a scene that has been opened; what is built in has a menu of its own."""
-        if source.startswith(BUILTIN_PREFIX) or not Path(source).is_file():
+        if source.startswith(BUILTIN_PREFIX) or not _is_file(source):
             return
         path = str(Path(source).resolve())
         self._set((path, *(other for other in self.paths if other != path)))
@@ -58,7 +62,12 @@ class RecentScenes:
     def _set(self, paths: tuple[str, ...]) -> None:
         self._paths = paths[:_MOST]
         if self._file is not None:
-            # A name that is not quite Unicode cannot be written: ValueError
-            with suppress(OSError, UserError, ValueError):
+            with suppress(OSError, UserError):
                 self._file.parent.mkdir(parents=True, exist_ok=True)
                 output.write_text(self._file, json.dumps(self._paths, indent=1) + "\n")
+
+
+def _is_file(path: str) -> bool:
+    with suppress(OSError, ValueError):     # too long a name, a zero byte
+        return Path(path).is_file()
+    return False

@@ -12,6 +12,7 @@ import numpy as np
 
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.light_motion import LightMotion
+from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
 
@@ -130,10 +131,11 @@ class AppState:
     @property
     def scene_title(self) -> str:
         """The scene's name, of a file without its folder."""
-        return self.scene.name.replace("\\", "/").rstrip("/").rpartition("/")[2]
+        return showable(self.scene.name.replace("\\", "/").rstrip("/").rpartition("/")[2])
 
     def say(self, text: str, kind: Literal["info", "error"] = "info") -> None:
         """Show a message for a while; the same message again only stays longer."""
+        text = showable(text)
         self.toasts = [toast for toast in self.toasts if toast.text != text][-(_MOST_TOASTS - 1):]
         self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind]))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,17 @@ def test_where_nothing_can_be_written_it_lasts_as_long_as_the_window(files, tmp_
     recent = RecentScenes(tmp_path / files[0] / "recent.json")     # its folder is a file
     recent.add(files[1])
     assert recent.paths == (str(Path(files[1]).resolve()),)
+
+
+def test_what_is_no_name_of_a_file_is_listed_as_missing(tmp_path):
+    kept = tmp_path / "recent.json"
+    names = ["x" * 5000 + ".glb", "a\0b.glb", "odd\udcff.glb", ""]
+    kept.write_text(json.dumps(names))
+    recent = RecentScenes(kept)
+    assert recent.entries() == [(name, False) for name in names]
+    for name in names:
+        recent.add(name)
+    assert list(recent.paths) == names
 
 
 def test_of_the_user_it_is_in_the_folder_of_the_system(files, tmp_path, monkeypatch):

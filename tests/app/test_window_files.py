@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +163,31 @@ def test_a_scene_opened_before_can_be_opened_from_the_menu(viewer, tmp_path, mon
     click(viewer, ((left + right) / 2, (top + bottom) / 2))
     until(viewer, lambda: not viewer.state.loading)
     assert viewer.state.scene.name == str(plate.resolve())
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names of files are Unicode there")
+def test_names_that_are_not_unicode_are_shown_with_question_marks(viewer, tmp_path, monkeypatch):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xe9t\xe9"))
+    folder.mkdir()
+    plate = folder / os.fsdecode(b"plat\xe9.obj")
+    plate.write_text("v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 1 4 3 2\n")
+    viewer.actions.open_path(plate)
+    until(viewer, lambda: not viewer.state.loading)
+    turn(viewer)
+    assert viewer.state.scene.name == str(plate) and viewer.state.scene_title == "plat?.obj"
+    # Every part that shows names: lights and their places, cameras, facts, the list of files, that of scenes
+    viewer.state.lights = (dataclasses.replace(viewer.state.lights[0], name="lam\udce9", kind="point"),)
+    camera = dataclasses.replace(viewer.state.camera.camera(), name="cam\ud800")
+    viewer.state.scene = dataclasses.replace(viewer.state.scene, cameras=(camera,), warnings=("war\udcff",))
+    monkeypatch.setattr(imgui, "collapsing_header", lambda text, flags=0: True)
+    monkeypatch.setattr(imgui, "tree_node", lambda text: imgui.tree_node_ex(text, imgui.TreeNodeFlags_.default_open))
+    monkeypatch.setattr(imgui, "begin_menu", lambda text: True)     # as if all were open
+    monkeypatch.setattr(imgui, "end_menu", lambda: None)
+    monkeypatch.setattr(imgui, "begin_combo", lambda name, text: imgui.text(text) or True)
+    monkeypatch.setattr(imgui, "end_combo", lambda: None)
+    viewer.actions.browse_scene()
+    turn(viewer)
+    browser = viewer._gui._browser
+    assert browser._folder == folder and [entry.name for entry in browser._entries] == [plate.name]
+    assert browser._go_to_typed() is None and browser._folder == folder and not browser._problem
+    assert viewer.actions.recent.entries() == [(str(plate), True)]

@@ -333,7 +333,12 @@ def test_flags_come_on_top_of_a_saved_picture(saved, flags):
 def test_a_picture_that_cannot_be_seen_again_says_why(saved, tmp_path):
     (tmp_path / "alone.png").write_bytes(saved.read_bytes())
     Image.new("RGB", (2, 2)).save(tmp_path / "photo.png")
+    for name, scene in (("long.png", "x" * 5000), ("zero.png", "a\0b"), ("empty.png", "")):
+        shown = output.read_metadata(saved) | {"scene": scene}
+        output.write_png(tmp_path / name, np.zeros((2, 2, 3), np.uint8), shown)
     for name, reason in (("alone.png", "the scene that the picture shows is not there, plate.obj"),
+                         ("long.png", "settings in the picture cannot be read, long.png"),
+                         ("zero.png", ""), ("empty.png", "picture does not say which scene it shows, empty.png"),
                          ("photo.png", "picture holds no settings, photo.png"),
                          ("missing.png", "picture cannot be read, missing.png")):
         done = ssil_viewer("render", name, *SMALL, "-o", "out.png", cwd=tmp_path)

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
+from ssil_viewer.app.text import showable
 
 
 def draw(state: AppState, actions: Actions) -> None:
@@ -31,7 +32,7 @@ def draw(state: AppState, actions: Actions) -> None:
         widgets.label("From file")
         if imgui.begin_combo("##file", "choose..."):
             for index, camera in enumerate(state.scene.cameras):
-                if imgui.selectable(f"{camera.name or f'camera {index}'}##{index}", False)[0]:
+                if imgui.selectable(f"{showable(camera.name) or f'camera {index}'}##{index}", False)[0]:
                     control.set_camera(camera)
             imgui.end_combo()
     _viewpoints(state, actions)

@@ -11,6 +11,7 @@ from typing import Callable
 from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import widgets
+from ssil_viewer.app.text import showable
 from ssil_viewer.resources import BUILTIN_PREFIX
 
 _TITLE = "Open a scene, environment (.hdr, .exr), settings or lights (.toml), or saved picture (.png)"
@@ -37,7 +38,7 @@ class FileBrowser:
     def __init__(self, choose: Callable[[Path], None]) -> None:
         self._choose = choose
         self._folder = Path.cwd()
-        self._typed = str(self._folder)
+        self._typed = showable(str(self._folder))
         self._entries: list[Entry] = []
         self._problem = ""
         self._all_files = False
@@ -107,7 +108,10 @@ class FileBrowser:
         try:
             if self._typed.startswith(BUILTIN_PREFIX):
                 return Path(self._typed.strip())
-            path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
+            if self._typed == showable(str(self._folder)):
+                path = self._folder     # its name may not be quite what is shown
+            else:
+                path = self._folder / Path(self._typed.strip().strip('"')).expanduser()
             if path.is_file():
                 return path
         except (OSError, RuntimeError, ValueError) as error:    # too long a name, nobody's home, a zero byte
@@ -127,7 +131,7 @@ class FileBrowser:
         for entry in self._entries:
             imgui.table_next_row()
             imgui.table_next_column()
-            text = f"{entry.name}{os.sep if entry.is_folder else ''}"
+            text = f"{showable(entry.name)}{os.sep if entry.is_folder else ''}"
             if imgui.selectable(text, False, imgui.SelectableFlags_.span_all_columns)[0]:
                 chosen = self._folder / entry.name
             imgui.table_next_column()
@@ -147,7 +151,7 @@ class FileBrowser:
         try:
             self._entries = list_folder(folder, None if self._all_files else _SUFFIXES)
             self._folder = folder.resolve()
-            self._typed, self._problem = str(self._folder), ""
+            self._typed, self._problem = showable(str(self._folder)), ""
         except OSError as error:
             self._problem = f"{folder}: {error.strerror or error}"
         except ValueError as error:

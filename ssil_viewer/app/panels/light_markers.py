@@ -9,6 +9,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from ssil_viewer.app.camera_control import CameraControl
+from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import Light
 
 _RADIUS_EM = 0.45
@@ -37,8 +38,8 @@ def draw(lights: Sequence[Light], camera: CameraControl) -> None:
                 commands.add_line(place, end, color, 0.15 * em)
         commands.add_circle_filled(place, _RADIUS_EM * em, dark)
         commands.add_circle_filled(place, 0.7 * _RADIUS_EM * em, color)
-        commands.add_text((place[0] + 0.8 * em, place[1] - 0.5 * em), dark, light.name or light.kind)
-        commands.add_text((place[0] + 0.8 * em - 1, place[1] - 0.5 * em - 1), color, light.name or light.kind)
+        commands.add_text((place[0] + 0.8 * em, place[1] - 0.5 * em), dark, showable(light.name) or light.kind)
+        commands.add_text((place[0] + 0.8 * em - 1, place[1] - 0.5 * em - 1), color, showable(light.name) or light.kind)
 
 
 def project(camera: CameraControl, point: Sequence[float]) -> tuple[float, float] | None:

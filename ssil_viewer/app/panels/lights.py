@@ -12,6 +12,7 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
+from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import AREA_KINDS, Light, LightKind
 
 _KINDS: tuple[LightKind, ...] = ("point", "spot", "directional", "rectangle", "disc", "sphere")
@@ -31,7 +32,7 @@ def draw(state: AppState, actions: Actions) -> None:
     added = _add_buttons(state)
     for index, light in enumerate(state.lights):
         imgui.push_id(index)
-        text = light.name or f"{light.kind.capitalize()} {index + 1}"
+        text = showable(light.name) or f"{light.kind.capitalize()} {index + 1}"
         if added and light is state.lights[-1]:
             imgui.set_next_item_open(True)
             imgui.set_scroll_here_y()
@@ -92,7 +93,7 @@ def _add_buttons(state: AppState) -> bool:
 def _edit(light: Light, scene_radius: float) -> Light:
     changes: dict[str, Any] = {}
     widgets.label("Name")
-    changed, name = imgui.input_text("##name", light.name)
+    changed, name = imgui.input_text("##name", showable(light.name))
     if changed:
         changes["name"] = name
     widgets.label("Kind")
@@ -171,7 +172,7 @@ def _edit_size(light: Light, scene_radius: float) -> dict[str, Any]:
 
 def _motion(state: AppState, actions: Actions) -> None:
     motion = state.motion
-    names = ["none"] + [light.name or f"{light.kind} {i + 1}" for i, light in enumerate(state.lights)]
+    names = ["none"] + [showable(light.name) or f"{light.kind} {i + 1}" for i, light in enumerate(state.lights)]
     # The same name twice must stay two entries.
     entries = [f"{name}##{i}" for i, name in enumerate(names)]
     at = 0 if motion.light is None else motion.light + 1

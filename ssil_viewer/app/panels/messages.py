@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app import theme
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
+from ssil_viewer.app.text import showable
 
 _BAR = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
         | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing)
@@ -48,7 +49,8 @@ def draw_work(state: AppState, free: float, top: float) -> None:
     display, em, padding = imgui.get_io().display_size, imgui.get_font_size(), imgui.get_style().window_padding
     dots = 1 + int(time.monotonic() * 3) % _SPINNER_DOTS
     y = top + 0.6 * em
-    for text in (f"Loading {state.loading} " * bool(state.loading), f"{state.preparing} " * bool(state.preparing)):
+    loading = f"Loading {showable(state.loading)} " if state.loading else ""
+    for text in (loading, f"{state.preparing} " * bool(state.preparing)):
         if text:
             needed = imgui.calc_text_size(text + _SPINNER_DOTS * ".")
             width, height = needed.x + 2 * padding.x, needed.y + 2 * padding.y

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
+from ssil_viewer.app.text import showable
 from ssil_viewer.scene import BUILTIN_SCENES
 from ssil_viewer.scene.describe import describe, format_description
 from ssil_viewer.scene.model import Scene
@@ -27,7 +28,7 @@ class ScenePanel:
     def draw(self, state: AppState, actions: Actions, render_warnings: Sequence[str]) -> None:
         """Source, facts and warnings, those of the loader and those of the renderer."""
         widgets.label("Built-in")
-        name = state.scene.name.removeprefix("builtin:")
+        name = state.scene_title.removeprefix("builtin:")
         if imgui.begin_combo("##builtin", name if name in BUILTIN_SCENES else "choose..."):
             draw_builtin_entries(actions)
             imgui.end_combo()
@@ -50,7 +51,7 @@ class ScenePanel:
     def _describe(self, scene: Scene) -> None:
         data = describe(scene)
         self._described = scene
-        self._description = format_description(data)
+        self._description = showable(format_description(data))
         extent = [high - low for low, high in zip(data["bounds"]["min"], data["bounds"]["max"])]
         self._facts = {
             "Name": scene.name,
@@ -73,14 +74,14 @@ def draw_builtin_entries(actions: Actions) -> None:
 
 def draw_recent_entries(actions: Actions) -> None:
     """The scenes opened before as entries of a menu; files that are gone stay listed, but cannot be chosen."""
-    paths = actions.recent.paths
-    for index, path in enumerate(paths):
+    entries = actions.recent.entries()
+    for index, (path, is_there) in enumerate(entries):
         imgui.push_id(index)    # of several folders, files may have one name
-        if imgui.menu_item_simple(Path(path).name, enabled=Path(path).is_file()):
+        if imgui.menu_item_simple(showable(Path(path).name), enabled=is_there):
             actions.open_scene(path)
         widgets.hint(path)
         imgui.pop_id()
-    if not paths:
+    if not entries:
         widgets.muted("Scene files that you open")
     else:
         imgui.separator()
@@ -98,5 +99,5 @@ def _table(rows: dict[str, str]) -> None:
         imgui.table_next_column()
         imgui.text_disabled(name)
         imgui.table_next_column()
-        imgui.text_wrapped(value)
+        imgui.text_wrapped(showable(value))
     imgui.end_table()

@@ -7,6 +7,7 @@ from typing import Callable
 from imgui_bundle import ImVec4, imgui
 
 from ssil_viewer.app import theme
+from ssil_viewer.app.text import showable
 
 _LABEL_SHARE = 0.42
 _TOOLTIP_EM = 26.0
@@ -49,7 +50,7 @@ def hint(text: str) -> None:
         imgui.push_style_var(imgui.StyleVar_.alpha, 1.0)   # of a faint item, too
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(imgui.get_font_size() * _TOOLTIP_EM)
-        imgui.text(text)
+        imgui.text(showable(text))
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
         imgui.pop_style_var()
@@ -118,5 +119,5 @@ def path_field(name: str, text: str, browse: Callable[[], None]) -> tuple[str, s
 
 def _wrapped(text: str, color: ImVec4) -> None:
     imgui.push_style_color(imgui.Col_.text, color)
-    imgui.text_wrapped(text)
+    imgui.text_wrapped(showable(text))
     imgui.pop_style_color()
