@@ -11,6 +11,7 @@ import json
 import os
 import secrets
 import shutil
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -206,11 +207,22 @@ def write_text(path: Path, text: str) -> None:
 
 
 def read_metadata(path: Path) -> dict[str, Any] | None:
-    """What `write_png` stored in a PNG, or None."""
+    """What `write_png` stored in a PNG, or None.
+
+    Raises:
+        OSError, ValueError, SyntaxError: The file cannot be read, is no picture, or what it holds is not JSON.
+    """
     from PIL import Image
 
-    with Image.open(path) as image:
-        text = getattr(image, "text", {}).get(METADATA_KEY)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)     # no pixel is read
+            with Image.open(path) as image:
+                text = image.info.get(METADATA_KEY)
+                if text is None:    # other programs may have put it behind the pixels, which are read then
+                    text = getattr(image, "text", {}).get(METADATA_KEY)
+    except Image.DecompressionBombError as error:
+        raise ValueError(str(error)) from error
     return None if text is None else json.loads(text)
 
 

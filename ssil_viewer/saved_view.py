@@ -67,7 +67,8 @@ def load_picture(path: Path) -> SavedView:
     """
     try:
         data = output.read_metadata(path)
-    except (OSError, ValueError, SyntaxError) as error:   # Pillow raises SyntaxError for broken chunks
+    # Pillow raises SyntaxError for broken chunks, json RecursionError
+    except (OSError, ValueError, SyntaxError, RecursionError) as error:
         raise UserError("picture cannot be read", str(path), str(error)) from error
     if not isinstance(data, dict) or not {"settings", "camera"} <= data.keys():
         raise UserError("picture holds no settings", str(path), "give one that F12 or ssil-viewer render has written")
@@ -75,9 +76,9 @@ def load_picture(path: Path) -> SavedView:
         camera = _read_camera(data["camera"], str(path))
         known = {info.name for info in knobs()}
         values = {name: value for name, value in data["settings"].items() if name in known}
-        environment = _beside(str(data["environment"]), path) if "environment" in data else None
+        environment = _beside(data["environment"], path) if "environment" in data else None
         lights = lights_of(data["lights"], str(path)) if "lights" in data else None
-        scene = _beside(str(data.get("scene", "")), path)
+        scene = _beside(data.get("scene", ""), path)
         return SavedView(scene, Settings().replaced(values, str(path)), camera, environment,
                          lights)
     except (AttributeError, TypeError, ValueError, OverflowError, OSError) as error:    # OSError: too long a path
@@ -133,6 +134,8 @@ def _read_vector(stored: Any) -> tuple[float, float, float]:
 
 def _beside(source: str, picture: Path) -> str:
     """A file that the picture names, as it says or, where only that exists, relative to the picture's folder."""
+    if not isinstance(source, str):
+        raise TypeError("names of scene and environment must be text")
     near = picture.parent / source
     return str(near) if source and not Path(source).exists() and near.exists() else source
 

@@ -26,9 +26,9 @@ samples = 128
 tone_map = "neutral"
 ```
 
-`--settings FILE` reads one and `--preset NAME` takes a shipped one. The later wins: defaults, preset, settings
-file, flags. A flag that has no effect under the others or in the scene is warned of; the window draws such settings
-faint.
+`--settings FILE` reads one and `--preset NAME` takes a shipped one. The later wins: defaults, saved
+picture, preset, settings file, flags. A flag that has no effect under the others or in the scene is warned of; the
+window draws such settings faint.
 
 "After a change" says what has to be made anew: *nothing*, the *history* of the temporal filter, or the
 *textures* (and with them the history).

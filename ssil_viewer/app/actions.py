@@ -53,7 +53,7 @@ class Actions(CameraActions, LightActions):
         self.other = OtherSettings(state, renderer)
         self.history = History()
         self.recent = RecentScenes()
-        self.exposure = ExposureChoice(state, renderer, self.history.absorb_exposure)
+        self.exposure = ExposureChoice(state, renderer, self._note_own_exposure)
         self._view_after_loading: Camera | None = None
         self._settings_after_loading: Settings | None = None
         self._lights_after_loading: tuple[Light, ...] | None = None
@@ -207,6 +207,10 @@ class Actions(CameraActions, LightActions):
         """Remember what can be undone. Call it once a turn; `busy`: a change goes on, such as the drag of a slider."""
         self.history.look(self._snapshot(), busy)
 
+    def _note_own_exposure(self, exposure: float) -> None:
+        self.note_changes(busy=False)   # also one that goes on: it would be the state before that gets the exposure
+        self.history.absorb_exposure(exposure)
+
     def _snapshot(self) -> Snapshot:
         state = self.state
         return Snapshot(state.settings, state.lights, state.scene.environment, state.other, self.exposure.own)
@@ -218,7 +222,7 @@ class Actions(CameraActions, LightActions):
         state, now = self.state, self._snapshot()
         state.say(f"{done}: {difference(now, snapshot)}")
         state.settings, state.other = snapshot.settings, snapshot.other
-        self.exposure.own = snapshot.own_exposure
+        self.exposure.came_back(snapshot.own_exposure)
         if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
             # Which light moves is told by its place in the list
             state.lights, state.motion = snapshot.lights, LightMotion()

@@ -18,7 +18,7 @@ class ExposureChoice:
     Whatever else sets it, a slider, a file, a saved picture, is the user's choice, which stays.
 
     Args:
-        on_own: Told of an exposure that was set without having been asked for.
+        on_own: Told of an exposure that is going to be set without having been asked for.
 
     Attributes:
         own: The exposure that was set here last; None before `start`.
@@ -46,6 +46,12 @@ class ExposureChoice:
             self._set(Settings().exposure)
             self._unchecked = True
 
+    def came_back(self, own: float | None) -> None:
+        """Another state is back, of a time at which this was the value of `own`; look at its first frame if it still
+        has that: it may have been left before its own was chosen."""
+        self.own = own
+        self._unchecked = self._state.settings.exposure == own
+
     def frame_shown(self) -> None:
         """Choose, if there is a reason to. Call it once a turn in which the picture shows what the state says."""
         asked, unchecked = self._asked, self._unchecked and self._state.settings.exposure == self.own
@@ -65,8 +71,8 @@ class ExposureChoice:
             self._set(exposure)
             self._state.say(f"Exposure {exposure:+.1f} EV{', as before' if exposure == before else ''}")
         elif abs(exposure - self._state.settings.exposure) >= FAR_OFF:
-            self._set(exposure)
             self._on_own(exposure)
+            self._set(exposure)
             kind = "dark" if exposure > 0 else "bright"
             self._state.say(f"Exposure {exposure:+.1f} EV, since the scene is very {kind}; a right click on Exposure "
                             "sets 0")

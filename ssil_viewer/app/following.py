@@ -69,7 +69,7 @@ class RendererFollower:
             state.say(str(error), "error")
             state.scene = replace(state.scene, environment=renderer.environment)
         lights = state.motion.applied(state.lights)
-        if lights != self.lights:
+        if _unnamed(lights) != _unnamed(self.lights):   # another name changes nothing in the picture
             renderer.set_lights(lights)
             self.lights = lights
         self._send_buffer()
@@ -152,3 +152,7 @@ class RendererFollower:
     def release(self) -> None:
         """Return when nothing works for it in a thread any more."""
         self._preparation.release()
+
+
+def _unnamed(lights: tuple[Light, ...]) -> list[Light]:
+    return [replace(light, name="") for light in lights]

@@ -29,10 +29,13 @@ class RecentScenes:
 
     @classmethod
     def of_user(cls) -> RecentScenes:
-        """The list in the user's folder for what programs remember."""
+        """The list in the user's folder for what programs remember, if there is one."""
         import platformdirs
 
-        return cls(platformdirs.user_state_path("ssil-viewer", appauthor=False) / "recent.json")
+        try:
+            return cls(platformdirs.user_state_path("ssil-viewer", appauthor=False) / "recent.json")
+        except (OSError, RuntimeError, KeyError):     # a user without a home
+            return cls()
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.light_motion import LightMotion
-from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import Camera, Light, Scene
 from ssil_viewer.settings import Settings
+from ssil_viewer.text import showable
 
 ReferenceKind = Literal["off", "R1", "R2"]
 

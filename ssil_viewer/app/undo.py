@@ -49,7 +49,7 @@ class History:
             self._now = now
 
     def absorb_exposure(self, exposure: float) -> None:
-        """Count an exposure that nobody asked for as part of the last change, which was the reason for it."""
+        """Count an exposure that nobody asked for as part of the state of now, which is the reason for it."""
         if self._now is not None:
             self._now = replace(self._now, settings=self._now.settings.replaced({"exposure": exposure}),
                                 own_exposure=exposure)

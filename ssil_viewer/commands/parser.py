@@ -108,7 +108,8 @@ def add_image_flags(parser: Parser, frames_help: str) -> None:
     camera.add_argument("--up", type=values.vector("--up"), metavar="x,y,z", help="upward direction")
     camera.add_argument("--fov", type=values.field_of_view, metavar="DEG", help="vertical field of view, degrees")
 
-    files = parser.add_argument_group("settings", "The later wins: defaults, preset, settings file, flags.")
+    files = parser.add_argument_group("settings", "The later wins: defaults, saved picture, preset, settings "
+                                       "file, flags.")
     files.add_argument("--preset", metavar="NAME", help="a shipped preset: " + ", ".join(presets()))
     files.add_argument("--settings", metavar="FILE", help="a TOML file of settings, see docs/settings.md")
     add_setting_flags(parser)

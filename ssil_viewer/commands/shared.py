@@ -141,13 +141,13 @@ def load_described(args: argparse.Namespace) -> Scene:
         load_lights(args.lights)
     if args.environment is not None:
         environment = load_environment(args.environment)
-    kept = args.picture.lights if args.picture is not None and args.lights is None else None
+    kept = args.picture.lights if args.picture is not None else None
     lit = args.lights is not None or kept is not None or environment is not None and environment.replaces_sun
     scene = load_scene(args.scene, default_light=not lit)
+    if kept is not None:
+        scene = dataclasses.replace(scene, lights=kept)
     if args.lights is not None:
         scene = with_lights(scene, args.lights)
-    elif kept is not None:
-        scene = dataclasses.replace(scene, lights=kept)
     if environment is not None:
         scene = dataclasses.replace(scene, environment=environment,
                                     warnings=(*scene.warnings, *environment.warnings))

@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> None:
                panel_scale=args.panel_scale / 100, auto_exposure=args.auto_exposure,
                # A run of so many frames is a script's
                recent=RecentScenes.of_user() if args.frames is None else None,
-               choose_exposure=not hasattr(args, "exposure") and settings.exposure == Settings().exposure)
+               choose_exposure=not hasattr(args, "exposure") and args.picture is None
+               and settings.exposure == Settings().exposure)
 
 
 def check_display() -> None:

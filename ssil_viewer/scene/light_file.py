@@ -22,6 +22,7 @@ from typing import Any, Iterable
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.light_values import VECTORS, check_cones, check_kind, check_value, nearest
 from ssil_viewer.scene.model import Light, Scene
+from ssil_viewer.text import showable
 from ssil_viewer.toml_file import read_toml
 
 _COMMON = ("kind", "name", "color", "intensity", "cast_shadow")
@@ -72,8 +73,7 @@ def light_tables(lights: Iterable[Light]) -> list[dict[str, Any]]:
 
 def _table(light: Light) -> dict[str, Any]:
     usual = Light(light.kind)
-    # A name may have come from a file that is not quite Unicode
-    table: dict[str, Any] = {"kind": light.kind, "name": light.name.encode("utf-8", "replace").decode("utf-8")}
+    table: dict[str, Any] = {"kind": light.kind, "name": showable(light.name)}
     for key in KEYS[light.kind][2:]:
         value = getattr(light, key)
         if value != getattr(usual, key) and (stored := _stored(key, value)) is not None:

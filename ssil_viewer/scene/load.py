@@ -82,5 +82,7 @@ def _load_file(path: Path, name: str) -> Scene:
     if extension in OTHER_FORMATS:
         return load_other(path, name)
     known = " ".join((".gltf", ".glb", ".obj", *OTHER_FORMATS))
-    raise UserError(f"the file type {extension!r} is not known", str(path),
-                    "open saved pictures in the window, with Ctrl+O" if extension == ".png" else f"known are {known}")
+    advice = f"known are {known}"
+    if extension == ".png":
+        advice = "saved pictures are opened by the window, with Ctrl+O, and taken by the commands"
+    raise UserError(f"the file type {extension!r} is not known", str(path), advice)

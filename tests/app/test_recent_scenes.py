@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import platformdirs
 import pytest
 
 from ssil_viewer.app.recent_scenes import RecentScenes
@@ -74,3 +75,13 @@ def test_of_the_user_it_is_in_the_folder_of_the_system(files, tmp_path, monkeypa
         monkeypatch.setenv(name, str(tmp_path / "home"))
     RecentScenes.of_user().add(files[0])
     assert [path.name for path in (tmp_path / "home").rglob("*") if path.is_file()] == ["recent.json"]
+
+
+def test_a_user_without_a_home_has_a_list_for_the_window(files, monkeypatch):
+    def nowhere(*args, **kwargs):
+        raise RuntimeError("could not determine the home directory")
+
+    monkeypatch.setattr(platformdirs, "user_state_path", nowhere)
+    recent = RecentScenes.of_user()
+    recent.add(files[0])
+    assert len(recent.paths) == 1

@@ -61,6 +61,7 @@ def test_what_differs_is_named_in_a_few_words():
 
 
 def test_an_exposure_that_nobody_asked_for_belongs_to_the_change_before(history):
+    history.look(LIT, busy=False)
     history.absorb_exposure(4.0)
     now = replace(LIT, settings=LIT.settings.replaced({"exposure": 4.0}), own_exposure=4.0)
     assert history.back(now) == MORE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ssil_viewer
-from ssil_viewer import cli
+from ssil_viewer import cli, output
 from ssil_viewer.app import window as app_window
 from ssil_viewer.app.window import Viewer, run_window
 from ssil_viewer.metering import metered_exposure
@@ -162,3 +162,44 @@ def test_an_exposure_can_be_taken_back_and_stays_the_programs_own(viewer, scene,
     assert state.scene.environment is None and state.settings.exposure == chosen
     open_in(viewer, scene)
     assert state.settings.exposure == 0.0, "the one that came back is still nobody's choice"
+
+
+def test_a_state_that_was_left_before_its_exposure_was_chosen_gets_it_when_it_comes_back(viewer, dim, monkeypatch):
+    actions, state = viewer.actions, viewer.state
+    actions.exposure.start()
+    with monkeypatch.context() as slow:
+        slow.setattr(actions.exposure, "frame_shown", lambda: None)     # the first frame takes long
+        open_in(viewer, dim)
+        actions.set_settings(dataclasses.replace(state.settings, samples=state.settings.samples + 1))
+        turn(viewer)
+    turn(viewer)
+    chosen = state.settings.exposure
+    assert chosen > 5.0
+    actions.undo()
+    turn(viewer)
+    assert state.settings.samples == SETTINGS.samples and state.settings.exposure == pytest.approx(chosen, abs=0.5)
+
+
+def test_an_exposure_chosen_during_a_change_is_not_that_of_the_state_before(viewer, dim):
+    actions, state = viewer.actions, viewer.state
+    actions.exposure.start()
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    turn(viewer)
+    # A field keeps the keyboard while a file is dropped: the change has not been noted yet
+    actions._set_environment(Environment("white", np.full((8, 16, 3), 300.0, np.float32)))
+    actions.note_changes(busy=True)
+    actions._note_own_exposure(-3.0)
+    state.settings = state.settings.replaced({"exposure": -3.0})
+    actions.undo()
+    assert state.scene.environment is None and state.settings.exposure == chosen
+
+
+def test_a_saved_picture_keeps_its_exposure_when_the_window_begins_with_it(tmp_path, monkeypatch):
+    begun = []
+    monkeypatch.setattr(app_window, "run_window", lambda **words: begun.append(words))
+    shown = {"scene": "builtin:cornell", "settings": {"exposure": 0.0}, "camera": {}}
+    output.write_png(tmp_path / "dark.png", np.zeros((2, 2, 3), np.uint8), shown)
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert cli.main(["view", str(tmp_path / "dark.png")]) == 0 and cli.main(["view", "builtin:cornell"]) == 0
+    assert [words["choose_exposure"] for words in begun] == [False, True]

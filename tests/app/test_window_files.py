@@ -191,3 +191,16 @@ def test_names_that_are_not_unicode_are_shown_with_question_marks(viewer, tmp_pa
     assert browser._folder == folder and [entry.name for entry in browser._entries] == [plate.name]
     assert browser._go_to_typed() is None and browser._folder == folder and not browser._problem
     assert viewer.actions.recent.entries() == [(str(plate), True)]
+
+
+def test_another_name_of_a_light_begins_nothing_anew(viewer, monkeypatch):
+    turn(viewer)
+    before, sent = viewer._follower.look(), []
+    monkeypatch.setattr(viewer._renderer, "set_lights", sent.append)
+    first, *others = viewer.state.lights
+    viewer.state.lights = dataclasses.replace(first, name="another"), *others
+    turn(viewer)
+    assert viewer._follower.look() == before and not sent
+    viewer.state.lights = dataclasses.replace(first, intensity=2 * first.intensity), *others
+    turn(viewer)
+    assert viewer._follower.look() != before and len(sent) == 1

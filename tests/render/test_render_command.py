@@ -6,9 +6,11 @@ import json
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -338,9 +340,36 @@ def test_a_picture_that_cannot_be_seen_again_says_why(saved, tmp_path):
         output.write_png(tmp_path / name, np.zeros((2, 2, 3), np.uint8), shown)
     for name, reason in (("alone.png", "the scene that the picture shows is not there, plate.obj"),
                          ("long.png", "settings in the picture cannot be read, long.png"),
-                         ("zero.png", ""), ("empty.png", "picture does not say which scene it shows, empty.png"),
+                         ("zero.png", "the scene that the picture shows is not there"),
+                         ("empty.png", "picture does not say which scene it shows, empty.png"),
                          ("photo.png", "picture holds no settings, photo.png"),
                          ("missing.png", "picture cannot be read, missing.png")):
         done = ssil_viewer("render", name, *SMALL, "-o", "out.png", cwd=tmp_path)
         assert done.returncode == 2 and reason in done.stderr and done.stderr.count("\n") == 1, done.stderr
         assert not (tmp_path / "out.png").exists()
+
+
+def test_lights_that_are_added_come_to_those_of_the_picture(saved):
+    (saved.parent / "more.toml").write_text('keep = true\n[[light]]\nkind = "point"\nname = "more"\n')
+    done = ssil_viewer("render", saved.name, *SMALL, "--lights", "more.toml", "-o", "more.png", cwd=saved.parent)
+    assert done.returncode == 0, done.stderr
+    lights = output.read_metadata(saved)["lights"]
+    more = output.read_metadata(saved.with_name("more.png"))["lights"]
+    assert len(lights) == 1 and more[:1] == lights and [light["name"] for light in more[1:]] == ["more"]
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+@pytest.mark.parametrize("side, text, reason", [
+    (60_000, "{}", "picture cannot be read"), (12_000, "{}", "picture holds no settings"),
+    (2, "[" * 100_000, "picture cannot be read"), (2, '{"settings": {}, "camera": {}, "scene": null}', "must be text"),
+    (2, '{"settings": {}, "camera": {}, "scene": "builtin:arch", "environment": null}', "must be text")])
+def test_pictures_made_to_harm_are_refused_in_one_line(tmp_path, side, text, reason):
+    (tmp_path / "bad.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0))
+        + chunk(b"tEXt", output.METADATA_KEY.encode() + b"\0" + text.encode())
+        + chunk(b"IDAT", b"") + chunk(b"IEND", b""))
+    done = ssil_viewer("info", "bad.png", cwd=tmp_path)
+    assert done.returncode == 2 and reason in done.stderr and done.stderr.count("\n") == 1, done.stderr

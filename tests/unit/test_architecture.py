@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ssil_viewer"
 
 # A module may import from its own layer and from those above it in this list.
 LAYERS = (
-    ("errors", "resources"),
+    ("errors", "resources", "text"),
     ("toml_file",),
     ("settings", "scene", "output", "saved_view"),
     ("gpu", "buffers"),

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.app.text import showable
+from ssil_viewer.text import showable
 
 
 def draw(state: AppState, actions: Actions) -> None:

@@ -11,8 +11,8 @@ from typing import Callable
 from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import widgets
-from ssil_viewer.app.text import showable
 from ssil_viewer.resources import BUILTIN_PREFIX
+from ssil_viewer.text import showable
 
 _TITLE = "Open a scene, environment (.hdr, .exr), settings or lights (.toml), or saved picture (.png)"
 # What the program opens; the box shows everything when asked.

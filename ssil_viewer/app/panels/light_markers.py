@@ -9,8 +9,8 @@ import numpy as np
 from imgui_bundle import imgui
 
 from ssil_viewer.app.camera_control import CameraControl
-from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import Light
+from ssil_viewer.text import showable
 
 _RADIUS_EM = 0.45
 _OUTLINE = (0.0, 0.0, 0.0, 0.8)

@@ -12,8 +12,8 @@ from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.camera_control import CameraControl
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.app.text import showable
 from ssil_viewer.scene.model import AREA_KINDS, Light, LightKind
+from ssil_viewer.text import showable
 
 _KINDS: tuple[LightKind, ...] = ("point", "spot", "directional", "rectangle", "disc", "sphere")
 _UNITS = {"directional": ("W/m\u00b2", "Irradiance facing the light."),

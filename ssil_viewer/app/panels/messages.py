@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app import theme
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.app.text import showable
+from ssil_viewer.text import showable
 
 _BAR = (imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
         | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing)

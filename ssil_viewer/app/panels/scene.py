@@ -10,10 +10,10 @@ from imgui_bundle import imgui
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.panels import widgets
 from ssil_viewer.app.state import AppState
-from ssil_viewer.app.text import showable
 from ssil_viewer.scene import BUILTIN_SCENES
 from ssil_viewer.scene.describe import describe, format_description
 from ssil_viewer.scene.model import Scene
+from ssil_viewer.text import showable
 
 
 class ScenePanel:

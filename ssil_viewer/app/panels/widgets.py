@@ -7,7 +7,7 @@ from typing import Callable
 from imgui_bundle import ImVec4, imgui
 
 from ssil_viewer.app import theme
-from ssil_viewer.app.text import showable
+from ssil_viewer.text import showable
 
 _LABEL_SHARE = 0.42
 _TOOLTIP_EM = 26.0
