@@ -24,8 +24,7 @@ class ExposureChoice:
         own: The exposure that was set here last; None before `start`.
     """
 
-    def __init__(self, state: AppState, renderer: Renderer, on_own: Callable[[float], None] = lambda exposure: None
-                 ) -> None:
+    def __init__(self, state: AppState, renderer: Renderer, on_own: Callable[[float], None]) -> None:
         self._state, self._renderer, self._on_own = state, renderer, on_own
         self.own: float | None = None
         self._asked = False                     # by the user

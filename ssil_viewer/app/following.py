@@ -69,7 +69,8 @@ class RendererFollower:
             state.say(str(error), "error")
             state.scene = replace(state.scene, environment=renderer.environment)
         lights = state.motion.applied(state.lights)
-        if _unnamed(lights) != _unnamed(self.lights):   # another name changes nothing in the picture
+        # Another name changes nothing in the picture
+        if lights != self.lights and _unnamed(lights) != _unnamed(self.lights):
             renderer.set_lights(lights)
             self.lights = lights
         self._send_buffer()
