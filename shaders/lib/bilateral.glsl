@@ -3,20 +3,35 @@
 // Distance to the plane at which a tap's weight is halved, relative to the view depth.
 const float PLANE_TOLERANCE = 0.01;
 
-// A tap of the 5x5 window around px that sees each of 4x4 texels, in which samples differ, once, whatever its phase:
-// x from -2 to 2, row from 0 to 4. last: texel of the image.
-ivec2 window_tap(ivec2 px, int x, int row, ivec2 last) {
-    return ivec2(clamp(px.x + x, 0, last.x), clamp(px.y + row - 2, 0, last.y));
+// Windows of taps around px for what differs in each of 4x4 texels: both see each of these once, whatever the place of px, and
+// neither leans to a side. last: texel of the image.
+
+// 16 texels, + is px: 3x3, and of the columns and of the rows two away, which are the same to the pattern, now one, now the
+// other, so that the mean of all is px. column, row: 0 to 3, of which 3 is the one two away.
+//     . . # # .
+//     # # # # .
+//     . # + # #
+//     . # # # #
+//     # # . . .
+ivec2 window_tap(ivec2 px, int column, int row, ivec2 last) {
+    ivec2 place = ivec2(column, row) - 1;
+    if (column == 3) place.x = row < 2 ? 2 : -2;
+    if (row == 3) place.y = column == 1 || column == 2 ? 2 : -2;
+    return clamp(px + place, ivec2(0), last);
 }
 
-float window_weight(int x, int row) { return (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
+// 5x5 texels with half weights along the rim: a quarter less of what is random, for half as many taps more. x: -2 to 2, row: 0 to 4.
+ivec2 soft_window_tap(ivec2 px, int x, int row, ivec2 last) { return clamp(px + ivec2(x, row - 2), ivec2(0), last); }
 
-// Rows of the window, 5. CPUs' compilers must keep the loop over the uniform `window`: unrolled it takes them long.
+float soft_window_weight(int x, int row) { return (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
+
+// Rows of a window, 4 or 5. CPUs' compilers must keep the loop over the uniform `window`: unrolled it takes them long.
 // A GPU waits for less with all of it in flight.
 #ifdef GPU
-const int WINDOW_ROWS = 5;
+const int WINDOW_ROWS = 4, SOFT_WINDOW_ROWS = 5;
 #else
 #define WINDOW_ROWS window
+#define SOFT_WINDOW_ROWS window
 #endif
 
 // The tangent plane of a receiver.

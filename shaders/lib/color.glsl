@@ -21,12 +21,11 @@ vec3 tone_map_neutral(vec3 c) {
 
 vec3 tone_map_reinhard(vec3 c) { return c / (1.0 + c); }
 
-// 1.055 c^(1/2.4) - 0.055 as a polynomial of c^(1/4), within 6e-7 (Remez): CPUs have roots, but no powers.
+// 1.055 c^(1/2.4) - 0.055 as a fraction of polynomials of c^(1/2), within 0.005 of a code value of 255: CPUs have roots, but no powers.
 vec3 srgb_from_linear(vec3 c) {
     c = clamp(c, 0.0, 1.0);
-    vec3 t = sqrt(sqrt(c));
-    vec3 curve = ((((((-0.076210519 * t + 0.39471426) * t - 0.89841463) * t + 1.2091518) * t - 1.1558964) * t
-                   + 1.4615259) * t + 0.12357588) * t - 0.058446591;
+    vec3 t = sqrt(c);
+    vec3 curve = (((0.71879492 * t + 1.75009435) * t + 0.22243427) * t - 0.00779502) / ((t + 1.51811969) * t + 0.16536103);
     return mix(curve, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
 }
 

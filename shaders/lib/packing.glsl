@@ -39,8 +39,8 @@ uint encode_snorm10(vec3 v) {
 }
 
 vec3 decode_snorm10(uint bits) {
-    int n = int(bits);
-    return vec3(ivec3(n << 22, n << 12, n << 2) >> 22) * (1.0 / 511.0);
+    int n = int(bits);      // each in the upper ten bits: without a shift back down
+    return vec3(ivec3(n << 22, n << 12, n << 2) & ~0x3FFFFF) * (1.0 / (511.0 * 4194304.0));
 }
 
 // Depth as its 32 bits, the normal as three 10-bit signed components: decoding needs no square root,
@@ -97,7 +97,7 @@ uvec2 encode_lobe(Lobe lobe) {
 
 Lobe decode_lobe(uvec2 bits) {
     int d = int(bits.y);
-    vec3 direction = vec3(ivec3(d << 24, d << 16, d << 8) >> 24) * (1.0 / 127.0);
+    vec3 direction = vec3(ivec3(d << 24, d << 16, d << 8) & ~0xFFFFFF) * (1.0 / (127.0 * 16777216.0));
     float back = float(bits.y >> 24) * (1.0 / 255.0);
     return Lobe(decode_rgb9e5(bits.x), direction, back / max(1.0 - back, 1.0 / 255.0));
 }

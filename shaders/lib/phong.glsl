@@ -32,7 +32,7 @@ float phong_albedo(float exponent, float n_dot_r) {
     float whole = sqrt(2.0 * PI / (k + 0.5 + 0.1366 / (1.0 + 0.93 * k)));
     float s = sqrt(0.5 * exponent + 0.75);
     vec2 x = min(vec2(c * s, s), vec2(4.0));        // both arguments of an error function, 1 beyond
-    vec2 e = tanh(x * (1.1283 + 0.1009 * x * x));
+    vec2 e = 1.0 - 2.0 / (exp(x * (2.2566 + 0.2018 * x * x)) + 1.0);    // tanh of half of that
     float sine = pow(max(1.0 - c * c, 1e-12), 0.5 * exponent + 1.0);
     return sine / (k * whole) + c * (0.5 + 0.5 * e.x / e.y);
 }

@@ -13,7 +13,6 @@ float dither(ivec2 px) {
 #ifdef HAS_REFLECTION
 vec3 glossy_reflection(ivec2 at) {
     Surface surface = load_surface(at);
-    if (surface.view_depth <= 0.0) return vec3(0.0);
     vec4 specular = load_specular(at);
     vec2 ray = ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin);
     float n_dot_v = (surface.normal.z - dot(surface.normal.xy, ray)) * inversesqrt(dot(ray, ray) + 1.0);

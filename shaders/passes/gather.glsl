@@ -81,8 +81,9 @@ uint blocked_before_ring(Receiver receiver, HalfPlane half_plane, RowRays rays, 
         if (!is_on_screen(at, size_blockers())) break;
         Surface surface = load_blockers(at);
         vec2 in_plane = in_half_plane(half_plane, rays, radius, on_plane(surface, at, place, scale).depth);
-        if (surface.view_depth <= 0.0 || in_plane.x <= 0.0) continue;      // background
-        blocked |= hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
+        // Worked out for background, too: a CPU would wait for what is seen here before it begins with the next step
+        uint hidden = hidden_by(half_plane, elevation(half_plane, in_plane), in_plane, frame.thickness);
+        blocked |= surface.view_depth > 0.0 && in_plane.x > 0.0 ? hidden : 0u;
     } while (++step, ++i < blocking_steps);
     return blocked;
 }

@@ -86,15 +86,15 @@ float ring_weight(float radius) {
 float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels) {
     float lobe_cos = dot(mirror.direction, sender.offset) * sender.inverse_distance;
     float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
-    if (lobe_cos <= 0.0 || receiver_cos <= 0.0) return 0.0;
     Disc disc = texel_disc(sender);
     // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
     float narrowing = narrowing_by_disc(mirror.exponent, disc.above, disc.below * sender.distance_squared);
     // The cosine where texel and lobe overlap: the mean of the product of two Gaussians. With the texel's own, surfaces
     // that are seen at a grazing angle reflected up to half too much.
     float overlap_cos = mix(mirror.n_dot_r, receiver_cos, narrowing);
-    return phong_lobe(mirror.exponent * narrowing, min(lobe_cos, 1.0)) * mirror.scale * PI * overlap_cos
-         * form_factor(sender, disc, texels);
+    float share = phong_lobe(mirror.exponent * narrowing, clamp(lobe_cos, 1e-6, 1.0)) * mirror.scale * PI * overlap_cos
+                * form_factor(sender, disc, texels);
+    return lobe_cos > 0.0 && receiver_cos > 0.0 ? share : 0.0;
 }
 
 #if VISIBILITY == 2
@@ -116,20 +116,34 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             vec2 place = is_inner ? ring_place(inside, float(i) + shift) : ring_place(ring, float(i - inner_steps) + shift);
             vec2 apart = place_in(row, place.x);
             ivec2 at = ivec2(floor(vec2(receiver.px) + 0.5 + apart));
-            if (!may_see(receiver, at)) continue;
+            bool seen = may_see(receiver, at);
+#ifndef ZERO_OUTSIDE
+            if (!seen) continue;
+#endif
             Sender sender = look_at(receiver, at);
-            if (!is_seen(sender)) continue;
+            seen = seen && is_seen(sender);
+#ifdef ZERO_OUTSIDE
+            // For CPUs, which work through the rest in any case: a long wait, which so does not begin with the last step
+            vec3 radiance = load_radiance(at);
+#else
+            if (!seen) continue;
+#endif
             // The margin moves rows aside: each sample has its own half-plane, or the receiver's own surface would seem
             // to rise above itself
             float height = dot(receiver.normal, sender.offset);
             vec2 in_plane = turn_to(half_plane, sender.offset, sender.distance_squared, height, normal_facing);
             float front = elevation(half_plane, in_plane);
-            if (!is_inner && !sees_blocked(blocked, front, 0.5)) {
+            if (seen && !is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float texels = texels_of(wedge, ring, place, margin) / float(directions);
-                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
-                if (share > 0.0) sum += load_radiance(sender.px) * share;
+                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
+#ifdef ZERO_OUTSIDE
+                sum += radiance * (share > 0.0 ? share : 0.0);
+#else
+                if (share > 0.0) sum += load_radiance(at) * share;
+#endif
             }
-            blocked |= hidden_by(half_plane, front, in_plane, frame.thickness);
+            uint hidden = hidden_by(half_plane, front, in_plane, frame.thickness);
+            blocked |= seen ? hidden : 0u;
         } while (++i < inner_steps + steps);
     } while (++d < directions);
     return sum;
@@ -154,7 +168,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         Sender sender = look_at(receiver, at);
         if (!is_seen(sender)) continue;
         float texels = texels_of(wedge, ring, place, margin);
-        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
+        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
 #if VISIBILITY == 1

@@ -21,9 +21,9 @@ float roughness_of(ivec2 px, Surface surface, vec3 position) {
         vec3 there = position_from_ray(ray_from_pixel(vec2(at) + 0.5, frame.ray_scale, frame.ray_origin),
                                        fine.view_depth);
         float off_plane = abs(dot(surface.normal, there - position));
-        if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) continue;
         vec4 specular = load_specular(at);
         float weight = max(max(specular.r, specular.g), specular.b) * max(dot(fine.normal, surface.normal), 0.0);
+        if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) weight = 0.0;
         sum += specular.a * weight;
         total += weight;
     }

@@ -16,14 +16,14 @@ Reflection denoised(ivec2 px, Surface receiver, Plane plane, Reflection own) {
         int row = part;
         do {
             for (int x = -2; x <= 2; ++x) {
-                ivec2 at = window_tap(px, x, row, last);
+                ivec2 at = soft_window_tap(px, x, row, last);
                 Reflection tap = load_glossy_gather(at);
                 Surface there = load_surface(at);
-                float weight = window_weight(x, row)
+                float weight = soft_window_weight(x, row)
                              * reflection_agreement(reflector, there, tap.roughness, vec2(at - px));
                 add_reflection(sum, tap, weight);
             }
-        } while ((row += PARTS) < WINDOW_ROWS);
+        } while ((row += PARTS) < SOFT_WINDOW_ROWS);
     }
     PartSum all = sum_of_parts(PartSum(vec4(sum.radiance, sum.total), vec4(sum.squares), vec4(0.0)));
     return measured_reflection(ReflectionSum(all.a.rgb, all.b.x, all.a.a), own.roughness);

@@ -38,10 +38,10 @@ void add_window(ivec2 px, Surface receiver, Plane plane, inout Sum sum, inout fl
     Slant slanted = slant(receiver.normal, px, frame.ray_scale * texel);
     int row = part;
     do {
-        for (int x = -2; x <= 2; ++x) {
-            ivec2 at = window_tap(px, x, row, last);
+        for (int column = 0; column < 4; ++column) {
+            ivec2 at = window_tap(px, column, row, last);
             Surface tap = load_surface(at);
-            float weight = window_weight(x, row) * agreement(plane, slanted, tap, vec2(at - px));
+            float weight = agreement(plane, slanted, tap, vec2(at - px));
             add(sum, load_gather(at), tap.normal, receiver.normal, weight);
             total += weight;
         }

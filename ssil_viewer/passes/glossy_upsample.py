@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Iterable
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass, switch
 from ssil_viewer.passes.glossy_gather import glossy_exists, uses_glossy
-from ssil_viewer.passes.upsample import PARTS
 from ssil_viewer.settings import Settings
 
 if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
+
+
+_PARTS = 5
+"""Threads of a GPU that share a texel, one for each row of the window; see `passes/upsample.py`."""
 
 
 class GlossyUpsample(ScreenPass):
@@ -40,4 +43,4 @@ class GlossyUpsample(ScreenPass):
             omit = frozenset({"coarse", "coarse_surface"}) if level == last else frozenset()
             # The window's rows are a uniform so that compilers keep the loop
             yield Dispatch(level, {"texel": float(2**level), "window": 5}, (chosen,), omit,
-                           parts=PARTS if denoises and level > frame.settings.start_level else 1)
+                           parts=_PARTS if denoises and level > frame.settings.start_level else 1)

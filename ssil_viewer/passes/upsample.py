@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
 
 
-PARTS = 5
+PARTS = 4
 """Threads of a GPU that share a texel, one for each row of the window, beyond the starting level: so few texels do not
 keep it busy."""
 
@@ -61,7 +61,7 @@ class Upsample(ScreenPass):
             # Four texels of the finer level have one coarse texel around them, and the same neighbours of it
             block = BLOCK if level < frame.settings.start_level and denoises else (1, 1)
             # The window's rows are a uniform so that compilers keep the loop: unrolled it takes them long
-            yield Dispatch(level, {"texel": float(2**level), "window": 5, "is_coarsest": level == last}, tuple(defines),
+            yield Dispatch(level, {"texel": float(2**level), "window": 4, "is_coarsest": level == last}, tuple(defines),
                            frozenset(omit), {"upsample": irradiance_of(frame.bounce)},
                            parts=PARTS if denoises and level > frame.settings.start_level else 1,
                            unread=missing - omit, block=block)
