@@ -85,12 +85,25 @@ float lying_on(vec3 normal, float offset, float nearness, Voter v) {
     return facing * sqrt(facing) / (far * far);
 }
 
-// How much a voter supports the candidates: f^5 / (1 + u)^8.
+// How much voters support candidates: f^5 / (1 + u)^8. above: their height over the tangent planes.
+vec4 support(Candidates a, vec4 facing, vec4 above) {
+    vec4 near = 1.0 / (1.0 + abs(above) * a.nearness), once = facing * (near * near), twice = once * once;
+    return facing * (twice * twice);
+}
+
 vec4 support(Candidates a, Voter v) {
     vec4 facing = max(a.normal_x * v.normal.x + a.normal_y * v.normal.y + a.normal_z * v.normal.z, 0.0);
-    vec4 off_plane = abs(a.normal_x * v.position.x - a.offset + a.normal_y * v.position.y + a.normal_z * v.position.z);
-    vec4 near = 1.0 / (1.0 + off_plane * a.nearness), once = facing * (near * near), twice = once * once;
-    return v.votes * facing * (twice * twice);
+    vec4 above = a.normal_x * v.position.x - a.offset + a.normal_y * v.position.y + a.normal_z * v.position.z;
+    return v.votes * support(a, facing, above);
+}
+
+// How much the candidates support one another, and each itself. votes: theirs. Of each two the agreement of the normals is the same both ways.
+vec4 mutual_support(Candidates a, vec4 votes) {
+    vec4 next = max(a.normal_x * a.normal_x.yzwx + a.normal_y * a.normal_y.yzwx + a.normal_z * a.normal_z.yzwx, 0.0);
+    vec2 across = max(a.normal_x.xy * a.normal_x.zw + a.normal_y.xy * a.normal_y.zw + a.normal_z.xy * a.normal_z.zw, 0.0);
+#define ABOVE(turn) (a.normal_x * a.x.turn - a.offset + a.normal_y * a.y.turn - a.normal_z * a.depth.turn)
+    return votes + votes.yzwx * support(a, next, ABOVE(yzwx)) + votes.zwxy * support(a, across.xyxy, ABOVE(zwxy))
+         + votes.wxyz * support(a, next.wxyz, ABOVE(wxyz));
 }
 
 // What a score must be above to win over another: equal but for rounding, the first one stays.
@@ -128,8 +141,9 @@ void vote(Block block, out Surface surface, out uint winner) {
     Candidates candidates = candidates_of(voters[0], voters[1], voters[2], voters[3]);
     vec4 score = vec4(0.0);
     if (!on_one_surface(candidates)) {
-#define COUNT(j) score += support(candidates, voters[j]);
-        FOR_VOTERS(COUNT)
+        score = mutual_support(candidates, vec4(voters[0].votes, voters[1].votes, voters[2].votes, voters[3].votes))
+              + support(candidates, voters[4]) + support(candidates, voters[5])
+              + support(candidates, voters[6]) + support(candidates, voters[7]);
     }
     bvec4 exists = greaterThan(candidates.depth, vec4(0.0));
     int chosen = winner_of(mix(vec4(-1.0), score, exists));
