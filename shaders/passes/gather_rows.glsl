@@ -1,0 +1,237 @@
+// The gather with `--visibility horizon`: samples lie in rows that lead straight away from the receiver. Walked outwards, each row
+// meets everything that may stand before its next sample. Included by gather.glsl.
+
+// A CPU with a wide vector unit spends most of a sample waiting for its own intermediate results. Two rows that take turns fill
+// the gaps: the gather takes a fifth less. Not with rays, whose draws it would make twice as long to compile.
+#if defined(ZERO_OUTSIDE) && !defined(VISIBILITY_RAYS)
+#define PAIRS
+#endif
+
+#ifdef VISIBILITY_RAYS
+// No light is negative: where one sample stands for others that differ, sums may be.
+Incoming positive(Incoming light) {
+    return Incoming(max(light.irradiance, 0.0), max(light.back_irradiance, 0.0), light.directions, max(light.weights, 0.0));
+}
+
+// The directions of such sums are again a mean of unit vectors before the surface. Others would make lobes that shine a
+// hundred times too bright on some pixel.
+Incoming bounded(Incoming light, vec3 normal) {
+    light.directions -= normal * min(dot(light.directions, normal), 0.0);
+    light.directions *= min(1.0, light.weights * inversesqrt(max(dot(light.directions, light.directions), 1e-30)));
+    return light;
+}
+
+#include "passes/gather_rays.glsl"
+#endif
+
+// Bits; less than the half that is sure to do, since senders follow their planes and lie where the row does.
+const float NEARER = 0.35;
+
+struct Row {
+    vec2 direction;         // in the image
+    HalfPlane half_plane;
+    RowRays rays;
+    vec2 normal;            // the receiver's, in the half-plane
+    float shift;            // of its samples, from 0 to 1 of a step
+    uint blocked;           // elevations, by what was met so far
+    vec2 directions;        // sum of the light's directions, in the half-plane
+};
+
+Row make_row(Receiver receiver, vec2 direction, float shift, vec2 scale) {
+    vec3 along = vec3(direction * scale, 0.0);
+    HalfPlane half_plane = make_half_plane(receiver.position, receiver.normal, along);
+    return Row(direction, half_plane, rays_of_row(half_plane, along, -receiver.position.z),
+               in_half_plane(half_plane, receiver.normal), shift, 0u, vec2(0.0));
+}
+
+// Blocks what is hidden by the starting level's surface at so many texels of this level from the receiver; false off screen.
+bool meet_blocker(float radius, inout Row row, vec2 center, vec2 scale) {
+    vec2 place = center + row.direction * radius;
+    ivec2 at = ivec2(floor(place));
+    bool inside = is_on_screen(at, size_blockers());
+#ifndef ZERO_OUTSIDE
+    if (!inside) return false;
+#endif
+    Surface surface = load_blockers(at);
+    vec2 in_plane = in_half_plane(row.half_plane, row.rays, radius * (first_texel / texel), on_plane(surface, at, place, scale).depth);
+    // Worked out for background, too: a CPU would wait for what is seen here before it begins with the next step
+    uint hidden = hidden_by(row.half_plane, elevation(row.half_plane, in_plane), in_plane, frame.thickness);
+    row.blocked |= surface.view_depth > 0.0 && in_plane.x > 0.0 ? hidden : 0u;
+    return inside;
+}
+
+// Walks two rows through the inner part of a ring: the finer levels have gathered its light, and what stands there is looked
+// for on the starting level's surfaces. Octave by octave, so that what is near is not missed. other: without PAIRS left as it is.
+void walk_to_ring(Receiver receiver, inout Row row, inout Row other) {
+    vec2 scale = frame.ray_scale * first_texel, center = (vec2(receiver.px) + 0.5) * (texel / first_texel);
+    float from = 0.0, to = frame.radius;
+    int i = 0, step = 0;
+    if (blocking_steps > 0) do {
+        if (step == octave_steps) {
+            step = 0;
+            from = to;
+            to *= 2.0;
+        }
+        bool inside = meet_blocker(mix(from, to, (float(step) + row.shift) / float(octave_steps)), row, center, scale);
+#ifdef PAIRS
+        bool other_inside = meet_blocker(mix(from, to, (float(step) + other.shift) / float(octave_steps)), other, center, scale);
+        inside = inside || other_inside;
+#endif
+        if (!inside) break;
+    } while (++step, ++i < blocking_steps);
+}
+
+// What is seen at a place of a row, all in the half-plane, in which it lies by construction: two coordinates instead of three.
+struct Met {
+    vec2 place;             // of its ring; see ring_place
+    vec2 at_place;          // in texels
+    ivec2 at;
+    Surface surface;
+    OnPlane there;
+    vec2 in_plane;
+    bool inside;            // of the image
+};
+
+Met meet(Row row, vec2 center, vec2 place, vec2 scale) {
+    vec2 at_place = center + row.direction * place.x;
+    ivec2 at = ivec2(floor(at_place));
+    Surface surface = load_surface(at);
+    OnPlane there = on_plane(surface, at, at_place, scale);
+    return Met(place, at_place, at, surface, there, in_half_plane(row.half_plane, row.rays, place.x, there.depth),
+               is_on_screen(at, size_surface()));
+}
+
+// What became of a sample: background and the receiver itself are not seen, what horizons hide is hidden.
+struct Sample {
+    bool seen, hidden;
+    vec3 radiance;
+};
+
+// Adds the light of a sample. strip: texels between two rows, per texel of radius.
+Sample take(Receiver receiver, Met met, bool exists, float strip, vec2 scale, inout Row row, inout Incoming sum) {
+    Surface surface = met.surface;
+    float squared = dot(met.in_plane, met.in_plane);
+    bool seen = exists && met.at != receiver.px && surface.view_depth > 0.0 && squared > 0.0;
+#ifndef PAIRS
+    if (!seen) return Sample(false, false, vec3(0.0));
+#endif
+    // This order lets CPUs do most at once
+    vec3 radiance = load_radiance(met.at);
+    squared = max(squared, 1e-30);
+    float inverse_distance = inversesqrt(squared), away = -met.there.depth * met.there.slant;
+    float front = elevation(row.half_plane, met.in_plane);
+    Disc disc = disc_of_texel(away + dot(surface.normal, receiver.position), away, 0.01 * met.there.depth,
+                              surface.view_depth, squared, scale);
+    float factor = form_factor(squared, disc, strip * met.place.y);
+    uint hidden = hidden_by(row.half_plane, front, met.in_plane, frame.thickness);
+    bool is_hidden = sees_blocked(row.blocked, front, NEARER);
+    if (!seen || is_hidden) factor = 0.0;
+    float weight = receive(dot(row.normal, met.in_plane) * inverse_distance, radiance * factor, sum);
+    row.directions += met.in_plane * (weight * inverse_distance);
+    row.blocked |= seen ? hidden : 0u;
+    return Sample(seen, is_hidden, radiance);
+}
+
+vec3 mean_direction(Row row) {
+    return row.half_plane.outward * row.directions.x + row.half_plane.to_camera * row.directions.y;
+}
+
+void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming near, inout Incoming light) {
+    vec2 center = vec2(receiver.px) + 0.5, scale = frame.ray_scale * texel;
+    int near_steps = near_field * ((steps + NEAR_SAMPLES - 1) / NEAR_SAMPLES);
+#ifdef VISIBILITY_RAYS
+    float near_end = near_radius;
+#else
+    float near_end = frame.radius * NEAR_RADIUS;
+#endif
+    float inner = near_field == 1 ? near_end : inner_radius;
+    Ring near_ring = make_ring(0.0, inner, near_steps), ring = make_ring(inner, frame.radius, steps - near_steps);
+    float strip = 2.0 * PI / float(directions);
+    vec2 turn = direction_from_angle(strip * float(PARTS));
+#if PARTS > 1
+    direction = turned(direction, strip * float(part));
+#endif
+#ifdef VISIBILITY_RAYS
+    uint random = hash(uint(receiver.px.x + (receiver.px.y << 14)) ^ hash(uint(random_seed) * 2654435761u + uint(texel)));
+    Incoming missing_near = NO_LIGHT, missing = NO_LIGHT;
+    Draw drawn[DRAWS];
+    for (int r = 0; r < DRAWS; ++r) drawn[r] = NOTHING_DRAWN;
+#endif
+    int d = part;
+    if (d < directions) do {
+        Row row = make_row(receiver, direction, fract(jitter + float(d) * 0.618034), scale), other = row;
+        int stride = 1;         // steps of a row from one turn to the next
+#ifdef PAIRS
+        // The last one of an odd number is a pair with itself, of every second step each
+        if (d + 1 == directions) {
+            stride = 2;
+        } else {
+            ++d;
+            direction = rotated(direction, turn);
+            other = make_row(receiver, direction, fract(jitter + float(d) * 0.618034), scale);
+        }
+#endif
+        walk_to_ring(receiver, row, other);
+        // First what is near, where there is such a part, then the rest: one body for both, since a choice between two sums for
+        // every sample took CPUs a tenth longer, and compilers would inline everything twice
+        int field = 1 - near_field;
+        do {
+            bool is_near = field == 0;
+            Ring part_ring = is_near ? near_ring : ring;
+            int count = is_near ? near_steps : steps - near_steps;
+            Incoming sum = NO_LIGHT;
+            row.directions = vec2(0.0);
+            other.directions = vec2(0.0);
+            int i = 0;
+            if (count > 0) do {
+                Met met = meet(row, center, ring_place(part_ring, float(i) + row.shift), scale);
+#ifdef PAIRS
+                int next = i + stride - 1;
+                Met other_met = meet(other, center, ring_place(part_ring, float(next) + other.shift), scale);
+                if (!met.inside && !other_met.inside) break;
+                take(receiver, met, true, strip, scale, row, sum);
+                if (stride == 2) other.blocked = row.blocked;
+                take(receiver, other_met, next < count, strip, scale, other, sum);
+                if (stride == 2) row.blocked = other.blocked;
+#else
+                if (!met.inside) break;
+                Sample taken = take(receiver, met, true, strip, scale, row, sum);
+#ifdef VISIBILITY_RAYS
+                if (!taken.seen) continue;
+                Sender sender = sender_at(receiver, met.at, met.surface, position_from_ray(met.there.ray, met.there.depth));
+                float texels = strip * met.place.y;
+                int kind = taken.hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
+                draw(draw_weight(receiver, sender, taken.radiance, texels), met.at_place, texels, random,
+                     drawn[kind + KINDS * (i % OF_ROW)]);
+#endif
+#endif
+            } while ((i += stride) < count);
+            sum.directions = mean_direction(row);
+#ifdef PAIRS
+            sum.directions += mean_direction(other);
+#endif
+            if (is_near) near = plus(near, sum);
+            else light = plus(light, sum);
+        } while (++field < 2);
+#ifdef VISIBILITY_RAYS
+        if (((d + 1) * ray_groups) / directions != (d * ray_groups) / directions)
+            for (int r = 0; r < DRAWS; ++r) {
+                int kind = r % KINDS;
+                // What is near is not denoised, seen or hidden by horizons: a ledge lights what is above it, not what is below
+                bool is_near = kind == SEEN_NEAR
+                            || kind == HIDDEN && near_field == 1 && distance(drawn[r].place, center) < near_end;
+                Incoming found = missing_light(receiver, drawn[r], kind != HIDDEN, is_near ? MOST_NEAR : MOST, random, missing);
+                if (is_near) missing_near = plus(missing_near, found);
+                else missing = plus(missing, found);
+                drawn[r] = NOTHING_DRAWN;
+            }
+#endif
+        direction = rotated(direction, turn);
+    } while ((d += PARTS) < directions);
+#ifdef VISIBILITY_RAYS
+    near = plus(near, missing_near);
+    light = plus(light, missing);
+    near = bounded(positive(near), receiver.normal);
+    light = bounded(positive(light), receiver.normal);
+#endif
+}
