@@ -5,6 +5,12 @@
 #include "passes/gather_common.glsl"
 #include "lib/parts.glsl"
 
+// A CPU spends most of a sample waiting for its own intermediate results. Two samples that take turns, of two rows or of the spiral,
+// fill the gaps: the gather takes an eighth less. Not where rays or voxels follow, which would be twice as long to compile.
+#if defined(ZERO_OUTSIDE) && !defined(VISIBILITY_RAYS) && VISIBILITY != 1
+#define PAIRS
+#endif
+
 // Walks the sample spiral.
 struct Spiral {
     vec2 direction;
@@ -42,14 +48,45 @@ Incoming of_all_parts(Incoming light) {
 #if VISIBILITY == 2
 #include "passes/gather_rows.glsl"
 #else
-// Light of the next `count` samples of the spiral.
-void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Incoming light) {
-    vec2 center = vec2(receiver.px) + 0.5;
+// A sample of the spiral. radiance: times the form factor, black for background and what faces away.
+struct Sample {
+    Sender sender;
+    vec3 radiance;
+};
+
+// The spiral's next one. turn: from it to the one after that.
+Sample next_sample(Receiver receiver, vec2 turn, inout Spiral spiral) {
+    vec2 place = ring_place(spiral.rest, 0.0);
+    float texels = 2.0 * PI * place.y;      // that this sample stands for
+    ivec2 at = ivec2(floor(vec2(receiver.px) + 0.5 + spiral.direction * place.x));
+    spiral.direction = rotated(spiral.direction, turn);
+    spiral.rest.from += spiral.rest.step * float(PARTS);
+    bool seen = may_see(receiver, at);
+    Sample found;
+    found.radiance = vec3(0.0);
+#ifndef ZERO_OUTSIDE
+    if (!seen) return found;
+#endif
+    found.sender = look_at(receiver, at);
+    Disc disc = texel_disc(found.sender);
+    seen = seen && disc.above > 0.0;
+#ifndef ZERO_OUTSIDE
+    // Such loads are for CPUs, which work through the rest in any case
+    if (!seen) return found;
+#endif
+    found.radiance = load_radiance(at) * (seen ? form_factor(found.sender, disc, texels) : 0.0);
+    return found;
+}
+
+// Light of the next `count` samples.
+void gather_samples(Receiver receiver, int count, Spiral spiral, inout Incoming light) {
 #if PARTS > 1
     // Neighbours in the spiral, so that all threads are about as far out and in the same part of the textures
     vec2 turn = direction_from_angle(GOLDEN_ANGLE * float(PARTS));
     spiral.direction = turned(spiral.direction, GOLDEN_ANGLE * float(part));
     spiral.rest.from += spiral.rest.step * float(part);
+#else
+    vec2 turn = vec2(GOLDEN_ANGLE_COS, GOLDEN_ANGLE_SIN);
 #endif
 #if VISIBILITY == 1
     vec2 scale = frame.ray_scale * texel;
@@ -58,33 +95,19 @@ void gather_samples(Receiver receiver, int count, inout Spiral spiral, inout Inc
 #endif
     int i = part;
     if (i < count) do {
-        vec2 place = ring_place(spiral.rest, 0.0);
-        float texels = 2.0 * PI * place.y;      // that this sample stands for
-        ivec2 at = ivec2(floor(center + spiral.direction * place.x));
-#if PARTS > 1
-        spiral.direction = rotated(spiral.direction, turn);
+        Sample found = next_sample(receiver, turn, spiral);
+#ifdef PAIRS
+        Sample other = next_sample(receiver, turn, spiral);
+        if (++i == count) other.radiance = vec3(0.0);       // there is none
+        receive(receiver, other.sender, other.radiance, light);
 #else
-        spiral.direction = golden_rotation(spiral.direction);
+        if (found.radiance == vec3(0.0)) continue;
 #endif
-        spiral.rest.from += spiral.rest.step * float(PARTS);
-        bool seen = may_see(receiver, at);
-#ifndef ZERO_OUTSIDE
-        if (!seen) continue;
-#endif
-        Sender sender = look_at(receiver, at);
-        Disc disc = texel_disc(sender);
-        seen = seen && disc.above > 0.0;
-#ifndef ZERO_OUTSIDE
-        // Such loads are for CPUs, which work through the rest in any case
-        if (!seen) continue;
-#endif
-        vec3 radiance = load_radiance(at) * (seen ? form_factor(sender, disc, texels) : 0.0);
 #if VISIBILITY == 1
-        if (radiance == vec3(0.0)) continue;
-        VoxelEnd there = voxel_end(slicing, at, sender.position, sender.normal, scale);
+        VoxelEnd there = voxel_end(slicing, found.sender.px, found.sender.position, found.sender.normal, scale);
         if (voxels_block(texture_voxels, texture_voxels_far, slicing, here, there)) continue;
 #endif
-        receive(receiver, sender, radiance, light);
+        receive(receiver, found.sender, found.radiance, light);
     } while ((i += PARTS) < count);
 }
 #endif
@@ -126,11 +149,7 @@ void gather(Receiver receiver, out Incoming near, out Incoming light) {
         Spiral spiral = Spiral(direction, ring);
         Incoming sum = NO_LIGHT;
         gather_samples(receiver, count, spiral, sum);
-#if PARTS > 1
         direction = turned(direction, GOLDEN_ANGLE * float(count));
-#else
-        direction = spiral.direction;
-#endif
         if (rest) light = sum;
         else near = sum;
     } while (++field < 2);

@@ -1,12 +1,6 @@
 // The gather with `--visibility horizon`: samples lie in rows that lead straight away from the receiver. Walked outwards, each row
 // meets everything that may stand before its next sample. Included by gather.glsl.
 
-// A CPU with a wide vector unit spends most of a sample waiting for its own intermediate results. Two rows that take turns fill
-// the gaps: the gather takes a fifth less. Not with rays, whose draws it would make twice as long to compile.
-#if defined(ZERO_OUTSIDE) && !defined(VISIBILITY_RAYS)
-#define PAIRS
-#endif
-
 #ifdef VISIBILITY_RAYS
 // No light is negative: where one sample stands for others that differ, sums may be.
 Incoming positive(Incoming light) {
@@ -101,19 +95,24 @@ Met meet(Row row, vec2 center, vec2 place, vec2 scale) {
                is_on_screen(at, size_surface()));
 }
 
-// What became of a sample: background and the receiver itself are not seen, what horizons hide is hidden.
+// A sample as it counts unless it is hidden: background and the receiver itself are not seen.
 struct Sample {
-    bool seen, hidden;
+    bool seen;
     vec3 radiance;
+    float factor, inverse_distance;
+    float front;            // its elevation
+    uint hidden;            // what it hides
 };
 
-// Adds the light of a sample. strip: texels between two rows, per texel of radius.
-Sample take(Receiver receiver, Met met, bool exists, float strip, vec2 scale, inout Row row, inout Incoming sum) {
+const Sample NOTHING = Sample(false, vec3(0.0), 0.0, 0.0, 0.0, 0u);
+
+// strip: texels between two rows, per texel of radius.
+Sample weigh(Receiver receiver, Met met, float strip, vec2 scale, Row row) {
     Surface surface = met.surface;
     float squared = dot(met.in_plane, met.in_plane);
-    bool seen = exists && met.at != receiver.px && surface.view_depth > 0.0 && squared > 0.0;
+    bool seen = met.at != receiver.px && surface.view_depth > 0.0 && squared > 0.0;
 #ifndef PAIRS
-    if (!seen) return Sample(false, false, vec3(0.0));
+    if (!seen) return NOTHING;
 #endif
     // This order lets CPUs do most at once
     vec3 radiance = load_radiance(met.at);
@@ -124,12 +123,17 @@ Sample take(Receiver receiver, Met met, bool exists, float strip, vec2 scale, in
                               surface.view_depth, squared, scale);
     float factor = form_factor(squared, disc, strip * met.place.y);
     uint hidden = hidden_by(row.half_plane, front, met.in_plane, frame.thickness);
-    bool is_hidden = sees_blocked(row.blocked, front, NEARER);
-    if (!seen || is_hidden) factor = 0.0;
-    float weight = receive(dot(row.normal, met.in_plane) * inverse_distance, radiance * factor, sum);
-    row.directions += met.in_plane * (weight * inverse_distance);
-    row.blocked |= seen ? hidden : 0u;
-    return Sample(seen, is_hidden, radiance);
+    return Sample(seen, radiance, seen ? factor : 0.0, inverse_distance, front, seen ? hidden : 0u);
+}
+
+// Adds the light of a sample; false if what was met before hides it.
+bool take(Met met, Sample weighed, inout Row row, inout Incoming sum) {
+    bool is_hidden = sees_blocked(row.blocked, weighed.front, NEARER);
+    vec3 light = weighed.radiance * (is_hidden ? 0.0 : weighed.factor);
+    float weight = receive(dot(row.normal, met.in_plane) * weighed.inverse_distance, light, sum);
+    row.directions += met.in_plane * (weight * weighed.inverse_distance);
+    row.blocked |= weighed.hidden;
+    return !is_hidden;
 }
 
 vec3 mean_direction(Row row) {
@@ -189,19 +193,26 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
                 int next = i + stride - 1;
                 Met other_met = meet(other, center, ring_place(part_ring, float(next) + other.shift), scale);
                 if (!met.inside && !other_met.inside) break;
-                take(receiver, met, true, strip, scale, row, sum);
+                Sample weighed = weigh(receiver, met, strip, scale, row);
+                Sample other_weighed = weigh(receiver, other_met, strip, scale, other);
+                if (next >= count) {    // there is none
+                    other_weighed.factor = 0.0;
+                    other_weighed.hidden = 0u;
+                }
+                take(met, weighed, row, sum);
                 if (stride == 2) other.blocked = row.blocked;
-                take(receiver, other_met, next < count, strip, scale, other, sum);
+                take(other_met, other_weighed, other, sum);
                 if (stride == 2) row.blocked = other.blocked;
 #else
                 if (!met.inside) break;
-                Sample taken = take(receiver, met, true, strip, scale, row, sum);
+                Sample weighed = weigh(receiver, met, strip, scale, row);
+                if (!weighed.seen) continue;
+                bool shines = take(met, weighed, row, sum);
 #ifdef VISIBILITY_RAYS
-                if (!taken.seen) continue;
                 Sender sender = sender_at(receiver, met.at, met.surface, position_from_ray(met.there.ray, met.there.depth));
                 float texels = strip * met.place.y;
-                int kind = taken.hidden ? HIDDEN : is_near ? SEEN_NEAR : SEEN;
-                draw(draw_weight(receiver, sender, taken.radiance, texels), met.at_place, texels, random,
+                int kind = shines ? is_near ? SEEN_NEAR : SEEN : HIDDEN;
+                draw(draw_weight(receiver, sender, weighed.radiance, texels), met.at_place, texels, random,
                      drawn[kind + KINDS * (i % OF_ROW)]);
 #endif
 #endif
