@@ -13,7 +13,7 @@ _WIDTH = 256
 
 def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str, *inputs: np.ndarray,
              declarations: str = "", textures: dict[str, moderngl.Texture] | None = None,
-             defines: tuple[str, ...] = ()) -> np.ndarray:
+             defines: tuple[str, ...] = (), before: str = "") -> np.ndarray:
     """Evaluate a GLSL expression for each row of the inputs.
 
     Args:
@@ -23,6 +23,7 @@ def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str,
         declarations: GLSL at file scope.
         textures: Further samplers by name, declared in `declarations`.
         defines: Names that are defined before the libraries.
+        before: GLSL ahead of the last library: what it needs from the shaders that include it.
 
     Returns:
         (N, 4) float32.
@@ -31,7 +32,7 @@ def evaluate(context: moderngl.Context, libraries: tuple[str, ...], result: str,
     height = -(-count // _WIDTH)
     names = "abcdef"[:len(inputs)]
     head = ["#version 330 core", *(f"#define {name}" for name in defines),
-            *(f'#include "{name}"' for name in libraries[:-1])]
+            *(f'#include "{name}"' for name in libraries[:-1]), before]
     lines = [*(f"uniform sampler2D input_{name};" for name in names), "out vec4 stored;", declarations,
              "void main() {", "ivec2 at = ivec2(gl_FragCoord.xy);",
              *(f"vec4 {name} = texelFetch(input_{name}, at, 0);" for name in names),
