@@ -61,7 +61,8 @@ def test_candidates_support_one_another(context):
                     f"vec4({', '.join(map(str, votes))}));",
                     *numbers.transpose(1, 0, 2), before=NEEDED)
     facing = np.maximum(np.einsum("nik,njk->nij", normals, normals), 0)
-    above = np.abs(np.einsum("nik,njk->nij", normals, positions) - np.einsum("nik,nik->ni", normals, positions)[..., None])
+    along = np.einsum("nik,njk->nij", normals, positions)
+    above = np.abs(along - along[:, range(4), range(4), None])
     support = facing ** 5 / (1 + above / (0.15 * -positions[:, :, None, 2])) ** 8
     support[:, range(4), range(4)] = 1
     assert ours == pytest.approx(support @ votes, rel=1e-4)
