@@ -226,6 +226,14 @@ def read_metadata(path: Path) -> dict[str, Any] | None:
     return None if text is None else json.loads(text)
 
 
+def read_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture that `read_metadata` reads, in pixels; the same errors."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        return image.size
+
+
 def _json(value: Mapping[str, Any]) -> str:
     # ASCII, since a tEXt chunk is Latin-1; Infinity is not JSON, and would break other readers.
     return json.dumps(value, sort_keys=True, allow_nan=False)

@@ -95,10 +95,16 @@ def add_scene(parser: Parser, default: str | None = None) -> None:
         parser.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text}; default {default}")
 
 
-def add_image_flags(parser: Parser, frames_help: str) -> None:
-    """Adds the flags that say what is rendered: size, camera, presets and every setting."""
+def add_image_flags(parser: Parser, frames_help: str, as_picture: bool = True) -> None:
+    """Adds the flags that say what is rendered: size, camera, presets and every setting.
+
+    Args:
+        as_picture: A saved picture in place of the scene gives its size, too.
+    """
     image = parser.add_argument_group("image")
-    image.add_argument("--size", type=values.size, default=(1280, 720), metavar="WxH", help="pixels, default 1280x720")
+    image.add_argument("--size", type=values.size, metavar="WxH",
+                       help="pixels, default 1280x720" + (" or those of a saved picture" if as_picture else ""))
+    parser.set_defaults(usual_size=(1280, 720), size_as_picture=as_picture)
     image.add_argument("--frames", type=values.whole("--frames", 1, 1_000_000), metavar="N", help=frames_help)
 
     camera = parser.add_argument_group("camera", "Vectors are x,y,z in metres, +Y up.")

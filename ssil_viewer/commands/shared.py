@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssil_viewer import saved_view
+from ssil_viewer import output, saved_view
 from ssil_viewer.commands import values
 from ssil_viewer.errors import UserError
 from ssil_viewer.resources import BUILTIN_PREFIX
@@ -45,15 +45,21 @@ def settings_of(args: argparse.Namespace) -> Settings:
 
 
 def take_picture(args: argparse.Namespace) -> None:
-    """Where SCENE is a saved picture, puts what it shows in its place: `picture`, and its `scene` and `environment`.
+    """Where SCENE is a saved picture, puts what it shows in its place: `picture`, and its `scene`, `environment` and
+    `size`. Without one, the size is the usual one.
 
     Raises:
         UserError: It is no picture of this program, or its scene is not there.
     """
     source = getattr(args, "scene", None)
-    if not source or Path(source).suffix.lower() != ".png":
+    is_picture = bool(source) and Path(source).suffix.lower() == ".png"
+    if hasattr(args, "usual_size") and args.size is None and not (is_picture and args.size_as_picture):
+        args.size = args.usual_size
+    if not is_picture:
         return
     args.picture = saved_view.load_picture(Path(source))
+    if getattr(args, "size", ()) is None:
+        args.size = output.read_size(Path(source))
     args.scene = args.picture.scene
     if not args.scene:
         raise UserError("picture does not say which scene it shows", source)

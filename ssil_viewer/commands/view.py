@@ -30,7 +30,7 @@ def add_flags(parser: Parser) -> None:
                         help="size of text and panels, on top of what the monitor asks for (75 to 300)")
     window.add_argument("--auto-exposure", action="store_true", help="choose the exposure from the first picture, as M "
                         "does; otherwise only if the picture would be nearly black or white")
-    add_image_flags(parser, "close the window after this many frames; default: when you close it")
+    add_image_flags(parser, "close the window after this many frames; default: when you close it", as_picture=False)
 
 
 def run(args: argparse.Namespace) -> None:

@@ -313,7 +313,7 @@ SMALL = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--frames", "2"]
 
 
 def test_a_saved_picture_can_be_rendered_again_from_anywhere(saved, tmp_path):
-    done = ssil_viewer("render", str(saved), *SMALL, "-o", "again.png", cwd=tmp_path)
+    done = ssil_viewer("render", str(saved), "--frames", "2", "-o", "again.png", cwd=tmp_path)     # of its own size
     assert done.returncode == 0 and done.stderr == "", done.stderr
     first, again = output.read_metadata(saved), output.read_metadata(tmp_path / "again.png")
     assert np.array_equal(np.asarray(Image.open(saved)), np.asarray(Image.open(tmp_path / "again.png")))

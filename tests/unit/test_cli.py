@@ -24,7 +24,9 @@ from ssil_viewer.settings import Settings, knobs
 def parse(*words: str):
     parser = Parser("ssil-viewer render", render.USAGE, "", render.EPILOG)
     render.add_flags(parser)
-    return parser.parse(["-o", "x.png", *words])
+    parsed = parser.parse(["-o", "x.png", *words])
+    shared.take_picture(parsed)
+    return parsed
 
 
 def settings(*words: str) -> Settings:
