@@ -76,7 +76,7 @@ void walk_to_ring(Receiver receiver, inout Row row, inout Row other) {
 }
 
 // What is seen at a place of a row, all in the half-plane, in which it lies by construction: two coordinates instead of three.
-struct Met {
+struct Step {
     vec2 place;             // of its ring; see ring_place
     vec2 at_place;          // in texels
     ivec2 at;
@@ -86,12 +86,12 @@ struct Met {
     bool inside;            // of the image
 };
 
-Met meet(Row row, vec2 center, vec2 place, vec2 scale) {
+Step step_of(Row row, vec2 center, vec2 place, vec2 scale) {
     vec2 at_place = center + row.direction * place.x;
     ivec2 at = ivec2(floor(at_place));
     Surface surface = load_surface(at);
     OnPlane there = on_plane(surface, at, at_place, scale);
-    return Met(place, at_place, at, surface, there, in_half_plane(row.half_plane, row.rays, place.x, there.depth),
+    return Step(place, at_place, at, surface, there, in_half_plane(row.half_plane, row.rays, place.x, there.depth),
                is_on_screen(at, size_surface()));
 }
 
@@ -107,31 +107,31 @@ struct Sample {
 const Sample NOTHING = Sample(false, vec3(0.0), 0.0, 0.0, 0.0, 0u);
 
 // strip: texels between two rows, per texel of radius.
-Sample weigh(Receiver receiver, Met met, float strip, vec2 scale, Row row) {
-    Surface surface = met.surface;
-    float squared = dot(met.in_plane, met.in_plane);
-    bool seen = met.at != receiver.px && surface.view_depth > 0.0 && squared > 0.0;
+Sample weigh(Receiver receiver, Step step, float strip, vec2 scale, Row row) {
+    Surface surface = step.surface;
+    float squared = dot(step.in_plane, step.in_plane);
+    bool seen = step.at != receiver.px && surface.view_depth > 0.0 && squared > 0.0;
 #ifndef PAIRS
     if (!seen) return NOTHING;
 #endif
     // This order lets CPUs do most at once
-    vec3 radiance = load_radiance(met.at);
+    vec3 radiance = load_radiance(step.at);
     squared = max(squared, 1e-30);
-    float inverse_distance = inversesqrt(squared), away = -met.there.depth * met.there.slant;
-    float front = elevation(row.half_plane, met.in_plane);
-    Disc disc = disc_of_texel(away + dot(surface.normal, receiver.position), away, 0.01 * met.there.depth,
+    float inverse_distance = inversesqrt(squared), away = -step.there.depth * step.there.slant;
+    float front = elevation(row.half_plane, step.in_plane);
+    Disc disc = disc_of_texel(away + dot(surface.normal, receiver.position), away, 0.01 * step.there.depth,
                               surface.view_depth, squared, scale);
-    float factor = form_factor(squared, disc, strip * met.place.y);
-    uint hidden = hidden_by(row.half_plane, front, met.in_plane, frame.thickness);
+    float factor = form_factor(squared, disc, strip * step.place.y);
+    uint hidden = hidden_by(row.half_plane, front, step.in_plane, frame.thickness);
     return Sample(seen, radiance, seen ? factor : 0.0, inverse_distance, front, seen ? hidden : 0u);
 }
 
 // Adds the light of a sample; false if what was met before hides it.
-bool take(Met met, Sample weighed, inout Row row, inout Incoming sum) {
+bool take(Step step, Sample weighed, inout Row row, inout Incoming sum) {
     bool is_hidden = sees_blocked(row.blocked, weighed.front, NEARER);
     vec3 light = weighed.radiance * (is_hidden ? 0.0 : weighed.factor);
-    float weight = receive(dot(row.normal, met.in_plane) * weighed.inverse_distance, light, sum);
-    row.directions += met.in_plane * (weight * weighed.inverse_distance);
+    float weight = receive(dot(row.normal, step.in_plane) * weighed.inverse_distance, light, sum);
+    row.directions += step.in_plane * (weight * weighed.inverse_distance);
     row.blocked |= weighed.hidden;
     return !is_hidden;
 }
@@ -188,31 +188,31 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             other.directions = vec2(0.0);
             int i = 0;
             if (count > 0) do {
-                Met met = meet(row, center, ring_place(part_ring, float(i) + row.shift), scale);
+                Step step = step_of(row, center, ring_place(part_ring, float(i) + row.shift), scale);
 #ifdef PAIRS
                 int next = i + stride - 1;
-                Met other_met = meet(other, center, ring_place(part_ring, float(next) + other.shift), scale);
-                if (!met.inside && !other_met.inside) break;
-                Sample weighed = weigh(receiver, met, strip, scale, row);
-                Sample other_weighed = weigh(receiver, other_met, strip, scale, other);
+                Step other_step = step_of(other, center, ring_place(part_ring, float(next) + other.shift), scale);
+                if (!step.inside && !other_step.inside) break;
+                Sample weighed = weigh(receiver, step, strip, scale, row);
+                Sample other_weighed = weigh(receiver, other_step, strip, scale, other);
                 if (next >= count) {    // there is none
                     other_weighed.factor = 0.0;
                     other_weighed.hidden = 0u;
                 }
-                take(met, weighed, row, sum);
+                take(step, weighed, row, sum);
                 if (stride == 2) other.blocked = row.blocked;
-                take(other_met, other_weighed, other, sum);
+                take(other_step, other_weighed, other, sum);
                 if (stride == 2) row.blocked = other.blocked;
 #else
-                if (!met.inside) break;
-                Sample weighed = weigh(receiver, met, strip, scale, row);
+                if (!step.inside) break;
+                Sample weighed = weigh(receiver, step, strip, scale, row);
                 if (!weighed.seen) continue;
-                bool shines = take(met, weighed, row, sum);
+                bool shines = take(step, weighed, row, sum);
 #ifdef VISIBILITY_RAYS
-                Sender sender = sender_at(receiver, met.at, met.surface, position_from_ray(met.there.ray, met.there.depth));
-                float texels = strip * met.place.y;
+                Sender sender = sender_at(receiver, step.at, step.surface, position_from_ray(step.there.ray, step.there.depth));
+                float texels = strip * step.place.y;
                 int kind = shines ? is_near ? SEEN_NEAR : SEEN : HIDDEN;
-                draw(draw_weight(receiver, sender, weighed.radiance, texels), met.at_place, texels, random,
+                draw(draw_weight(receiver, sender, weighed.radiance, texels), step.at_place, texels, random,
                      drawn[kind + KINDS * (i % OF_ROW)]);
 #endif
 #endif
