@@ -1,5 +1,5 @@
 // Values whose noise differs in each of 4x4 texels, without it: a cross-bilateral window that sees each of the 16 once.
-// Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, its rows: 4.
+// Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, its rows: 5.
 #include "lib/bilateral.glsl"
 
 vec3 without_noise(ivec2 px, Surface receiver) {
@@ -11,10 +11,10 @@ vec3 without_noise(ivec2 px, Surface receiver) {
     float total = 0.0;
     int row = 0;
     do {
-        for (int column = 0; column < 4; ++column) {
-            ivec2 at = window_tap(px, column, row, last);
+        for (int x = -2; x <= 2; ++x) {
+            ivec2 at = soft_window_tap(px, x, row, last);
             Surface tap = load_surface(at);
-            float weight = agreement(plane, slanted, tap, vec2(at - px));
+            float weight = soft_window_weight(x, row) * agreement(plane, slanted, tap, vec2(at - px));
             sum += load_noisy(at) * weight;
             total += weight;
         }

@@ -56,6 +56,7 @@ void shade(ivec2 px) {
 #ifdef SMOOTHED
     out_display = encode_rgba8(vec4(code, luminance(code)));
 #else
-    out_display = vec4(code, 1.0);
+    // Rounded as above: smoothing leaves what has no edges as it is, to the last bit, whatever the hardware does with a half
+    out_display = vec4(floor(clamp(code, 0.0, 1.0) * 255.0 + 0.5) * (1.0 / 255.0), 1.0);
 #endif
 }

@@ -38,24 +38,23 @@ Row make_row(Receiver receiver, vec2 direction, float shift, vec2 scale) {
                in_half_plane(half_plane, receiver.normal), shift, 0u, vec2(0.0));
 }
 
-// Blocks what is hidden by the starting level's surface at so many texels of this level from the receiver; false off screen.
-bool meet_blocker(float radius, inout Row row, vec2 center, vec2 scale) {
+// Blocks what is hidden by the starting level's surface at so many of its texels from the receiver.
+void meet_blocker(float radius, inout Row row, vec2 center, vec2 scale) {
     vec2 place = center + row.direction * radius;
     ivec2 at = ivec2(floor(place));
-    bool inside = is_on_screen(at, size_blockers());
 #ifndef ZERO_OUTSIDE
-    if (!inside) return false;
+    if (!is_on_screen(at, size_blockers())) return;
 #endif
     Surface surface = load_blockers(at);
     vec2 in_plane = in_half_plane(row.half_plane, row.rays, radius * (first_texel / texel), on_plane(surface, at, place, scale).depth);
     // Worked out for background, too: a CPU would wait for what is seen here before it begins with the next step
     uint hidden = hidden_by(row.half_plane, elevation(row.half_plane, in_plane), in_plane, frame.thickness);
     row.blocked |= surface.view_depth > 0.0 && in_plane.x > 0.0 ? hidden : 0u;
-    return inside;
 }
 
 // Walks two rows through the inner part of a ring: the finer levels have gathered its light, and what stands there is looked
-// for on the starting level's surfaces. Octave by octave, so that what is near is not missed. other: without PAIRS left as it is.
+// for on the starting level's surfaces. Octave by octave, so that what is near is not missed. A coarse texel may hang
+// over the image's edge, so that a row may begin outside. other: without PAIRS left as it is.
 void walk_to_ring(Receiver receiver, inout Row row, inout Row other) {
     vec2 scale = frame.ray_scale * first_texel, center = (vec2(receiver.px) + 0.5) * (texel / first_texel);
     float from = 0.0, to = frame.radius;
@@ -66,12 +65,10 @@ void walk_to_ring(Receiver receiver, inout Row row, inout Row other) {
             from = to;
             to *= 2.0;
         }
-        bool inside = meet_blocker(mix(from, to, (float(step) + row.shift) / float(octave_steps)), row, center, scale);
+        meet_blocker(mix(from, to, (float(step) + row.shift) / float(octave_steps)), row, center, scale);
 #ifdef PAIRS
-        bool other_inside = meet_blocker(mix(from, to, (float(step) + other.shift) / float(octave_steps)), other, center, scale);
-        inside = inside || other_inside;
+        meet_blocker(mix(from, to, (float(step) + other.shift) / float(octave_steps)), other, center, scale);
 #endif
-        if (!inside) break;
     } while (++step, ++i < blocking_steps);
 }
 

@@ -56,4 +56,4 @@ class SkyFilter(ScreenPass):
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         level = frame.settings.start_level
         omit = frozenset() if frame.settings.temporal else frozenset({"sky_history"})
-        yield Dispatch(level, {"texel": float(2**level), "window": 4}, omit=omit)
+        yield Dispatch(level, {"texel": float(2**level), "window": 5}, omit=omit)

@@ -74,7 +74,7 @@ class OcclusionFilter(ScreenPass):
     uniforms = {"texel": "float", "window": "int"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
-        yield Dispatch(0, {"texel": 1.0, "window": 4})
+        yield Dispatch(0, {"texel": 1.0, "window": 5})
 
 
 class SkyMipmap(Mipmap):
