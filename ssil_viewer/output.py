@@ -227,11 +227,13 @@ def read_metadata(path: Path) -> dict[str, Any] | None:
 
 
 def read_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture that `read_metadata` reads, in pixels; the same errors."""
+    """Width and height in pixels of a picture that `read_metadata` has read."""
     from PIL import Image
 
-    with Image.open(path) as image:
-        return image.size
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)     # no pixel is read
+        with Image.open(path) as image:
+            return image.size
 
 
 def _json(value: Mapping[str, Any]) -> str:

@@ -7,16 +7,16 @@ const float PLANE_TOLERANCE = 0.01;
 // neither leans to a side. last: texel of the image.
 
 // 16 texels, + is px: 3x3, and of the columns and of the rows two away, which are the same to the pattern, now one, now the
-// other, so that the mean of all is px. column, row: 0 to 3, of which 3 is the one two away.
-//     . . # # .
+// other, so that the mean of all is px and no diagonal is longer than the other. column, row: 0 to 3, of which 3 is the one two away.
+//     . # . # .
 //     # # # # .
 //     . # + # #
 //     . # # # #
-//     # # . . .
+//     # . # . .
 ivec2 window_tap(ivec2 px, int column, int row, ivec2 last) {
     ivec2 place = ivec2(column, row) - 1;
     if (column == 3) place.x = row < 2 ? 2 : -2;
-    if (row == 3) place.y = column == 1 || column == 2 ? 2 : -2;
+    if (row == 3) place.y = column == 0 || column == 2 ? 2 : -2;
     return clamp(px + place, ivec2(0), last);
 }
 

@@ -104,6 +104,7 @@ vec4 mutual_support(Candidates a, vec4 votes) {
 #define ABOVE(turn) (a.normal_x * a.x.turn - a.offset + a.normal_y * a.y.turn - a.normal_z * a.depth.turn)
     return votes + votes.yzwx * support(a, next, ABOVE(yzwx)) + votes.zwxy * support(a, across.xyxy, ABOVE(zwxy))
          + votes.wxyz * support(a, next.wxyz, ABOVE(wxyz));
+#undef ABOVE
 }
 
 // What a score must be above to win over another: equal but for rounding, the first one stays.

@@ -86,10 +86,14 @@ struct Step {
 Step step_of(Row row, vec2 center, vec2 place, vec2 scale) {
     vec2 at_place = center + row.direction * place.x;
     ivec2 at = ivec2(floor(at_place));
-    Surface surface = load_surface(at);
+    Surface surface = Surface(0.0, vec3(0.0));
+    bool inside = is_on_screen(at, size_surface());
+#ifndef ZERO_OUTSIDE
+    if (inside)
+#endif
+        surface = load_surface(at);
     OnPlane there = on_plane(surface, at, at_place, scale);
-    return Step(place, at_place, at, surface, there, in_half_plane(row.half_plane, row.rays, place.x, there.depth),
-               is_on_screen(at, size_surface()));
+    return Step(place, at_place, at, surface, there, in_half_plane(row.half_plane, row.rays, place.x, there.depth), inside);
 }
 
 // A sample as it counts unless it is hidden: background and the receiver itself are not seen.
@@ -163,7 +167,8 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
         Row row = make_row(receiver, direction, fract(jitter + float(d) * 0.618034), scale), other = row;
         int stride = 1;         // steps of a row from one turn to the next
 #ifdef PAIRS
-        // The last one of an odd number is a pair with itself, of every second step each
+        // Nothing is skipped: steps on background or outside, where loads are 0, count for nothing and hide nothing.
+        // The last row of an odd number is a pair with itself: `other` is one step ahead, and what is blocked goes to and fro
         if (d + 1 == directions) {
             stride = 2;
         } else {
@@ -187,9 +192,9 @@ void gather_rows(Receiver receiver, vec2 direction, float jitter, inout Incoming
             if (count > 0) do {
                 Step step = step_of(row, center, ring_place(part_ring, float(i) + row.shift), scale);
 #ifdef PAIRS
-                int next = i + stride - 1;
+                int next = i + stride - 1;      // the other's step: the same, or the next one of one row
                 Step other_step = step_of(other, center, ring_place(part_ring, float(next) + other.shift), scale);
-                if (!step.inside && !other_step.inside) break;
+                if (!step.inside && !other_step.inside) break;      // a row that has left never comes back
                 Sample weighed = weigh(receiver, step, strip, scale, row);
                 Sample other_weighed = weigh(receiver, other_step, strip, scale, other);
                 if (next >= count) {    // there is none

@@ -86,6 +86,9 @@ float ring_weight(float radius) {
 float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels) {
     float lobe_cos = dot(mirror.direction, sender.offset) * sender.inverse_distance;
     float receiver_cos = dot(receiver.normal, sender.offset) * sender.inverse_distance;
+#ifndef ZERO_OUTSIDE
+    if (lobe_cos <= 0.0 || receiver_cos <= 0.0) return 0.0;     // a CPU works through the rest in any case
+#endif
     Disc disc = texel_disc(sender);
     // The lobe's mean over the texel: a narrow one would fall between coarse texels, and burst where surfaces meet
     float narrowing = narrowing_by_disc(mirror.exponent, disc.above, disc.below * sender.distance_squared);
@@ -98,7 +101,7 @@ float reflectance(Receiver receiver, Mirror mirror, Sender sender, float texels)
 }
 
 #if VISIBILITY == 2
-// Rows of samples that lead away from the receiver; see gather.glsl.
+// Rows of samples that lead away from the receiver; see gather_rows.glsl.
 vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
     HalfPlane half_plane = half_planes_of(receiver.position);
     float normal_facing = dot(receiver.normal, half_plane.to_camera), margin = margin_of(wedge);
@@ -135,7 +138,7 @@ vec3 gather_rows(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) {
             float front = elevation(half_plane, in_plane);
             if (seen && !is_inner && !sees_blocked(blocked, front, 0.5)) {
                 float texels = texels_of(wedge, ring, place, margin) / float(directions);
-                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
+                float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
 #ifdef ZERO_OUTSIDE
                 sum += radiance * (share > 0.0 ? share : 0.0);
 #else
@@ -168,7 +171,7 @@ vec3 gather_samples(Receiver receiver, Mirror mirror, Wedge wedge, vec2 jitter) 
         Sender sender = look_at(receiver, at);
         if (!is_seen(sender)) continue;
         float texels = texels_of(wedge, ring, place, margin);
-        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(place.x);
+        float share = reflectance(receiver, mirror, sender, texels) * ring_weight(length(apart));
         if (share <= 0.0) continue;
         vec3 radiance = load_radiance(sender.px) * share;
 #if VISIBILITY == 1

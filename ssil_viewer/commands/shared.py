@@ -58,14 +58,14 @@ def take_picture(args: argparse.Namespace) -> None:
     if not is_picture:
         return
     args.picture = saved_view.load_picture(Path(source))
-    if getattr(args, "size", ()) is None:
+    if getattr(args, "size_as_picture", False) and args.size is None:
         args.size = output.read_size(Path(source))
     args.scene = args.picture.scene
     if not args.scene:
         raise UserError("picture does not say which scene it shows", source)
     if not args.scene.startswith(BUILTIN_PREFIX) and not Path(args.scene).exists():
         raise UserError("the scene that the picture shows is not there", args.scene, "start where it was saved")
-    if args.environment is None:
+    if getattr(args, "environment", "") is None:
         args.environment = args.picture.environment or None
 
 

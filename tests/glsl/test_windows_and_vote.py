@@ -23,7 +23,8 @@ LIBRARIES = ("lib/packing.glsl", "lib/spaces.glsl")
      "soft_window_weight(int(a.x), int(a.y))"),
 ])
 def test_windows_see_each_texel_of_the_pattern_once(context, columns, call, weight):
-    """Samples differ in 4x4 texels: each of these has a weight of 1 in all, and the middle of all is px."""
+    """Samples differ in 4x4 texels: each of these has a weight of 1 in all, and
+    the middle of all is px, without a longer diagonal."""
     places = np.array([(x, y) for x in columns for y in range(len(columns))], np.float32)
     out = evaluate(context, (*LIBRARIES, "lib/bilateral.glsl"), f"result = vec4({call}, {weight}, 0.0);", places,
                    before=NEEDED)
@@ -33,6 +34,8 @@ def test_windows_see_each_texel_of_the_pattern_once(context, columns, call, weig
     np.add.at(seen, tuple(offsets.T % 4), weights)
     assert (seen == 1).all()
     assert (offsets * weights[:, None]).sum(0).tolist() == [0, 0]
+    x, y = offsets.T
+    assert (x * y * weights).sum() == 0 and (x * x * weights).sum() == (y * y * weights).sum()
 
 
 def test_windows_stay_in_the_image(context):

@@ -42,7 +42,8 @@ def in_both_forms(context):
     ((157, 93), {"visibility": "voxel", "samples": 9, "sample_spacing": "area"}),
     ((64, 48), {"visibility": "off", "mip_filter": "nearest", "upsampling": "nearest", "samples": 1}),
     ((64, 48), {"visibility": "off", "start_level": 0, "levels": 1, "glossy_samples": 0}),
-    ((67, 45), {"visibility": "off", "start_level": 1, "levels": 1}), ((53, 48), {"start_level": 0, "levels": 7})])
+    ((67, 45), {"visibility": "off", "start_level": 1, "levels": 1}), ((53, 48), {"start_level": 0, "levels": 7}),
+    ((64, 48), {"samples": 80}), ((64, 48), {"samples": 7}), ((64, 48), {"visibility": "off", "samples": 7})])
 def test_both_forms_make_the_same_picture(in_both_forms, size, settings):
     """Sums in another order, which stored colours of nine bits show as one step."""
     software, gpu = in_both_forms(size, **settings)
