@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ssil_viewer.commands import bench as command
-from ssil_viewer.commands import measuring, values
+from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser
 from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.timers import PassTime
@@ -26,7 +26,9 @@ from ssil_viewer.settings import Settings, knobs
 def parse(*words: str):
     parser = Parser("ssil-viewer bench", command.USAGE, "", command.EPILOG)
     command.add_flags(parser)
-    return parser.parse(list(words))
+    parsed = parser.parse(list(words))
+    shared.take_picture(parsed)     # which settles the size
+    return parsed
 
 
 def test_every_pass_of_the_frame_belongs_to_one_group():
