@@ -27,6 +27,3 @@ vec2 rotated(vec2 direction, vec2 turn) {
 }
 
 vec2 turned(vec2 direction, float angle) { return rotated(direction, direction_from_angle(angle)); }
-
-// One step of the Vogel spiral: rotation by the golden angle without sine or cosine.
-vec2 golden_rotation(vec2 direction) { return rotated(direction, vec2(GOLDEN_ANGLE_COS, GOLDEN_ANGLE_SIN)); }

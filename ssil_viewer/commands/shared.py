@@ -53,13 +53,12 @@ def take_picture(args: argparse.Namespace) -> None:
     """
     source = getattr(args, "scene", None)
     is_picture = bool(source) and Path(source).suffix.lower() == ".png"
-    if hasattr(args, "usual_size") and args.size is None and not (is_picture and args.size_as_picture):
-        args.size = args.usual_size
+    if is_picture:
+        args.picture = saved_view.load_picture(Path(source))
+    if hasattr(args, "usual_size") and args.size is None:
+        args.size = output.read_size(Path(source)) if is_picture and args.size_as_picture else args.usual_size
     if not is_picture:
         return
-    args.picture = saved_view.load_picture(Path(source))
-    if getattr(args, "size_as_picture", False) and args.size is None:
-        args.size = output.read_size(Path(source))
     args.scene = args.picture.scene
     if not args.scene:
         raise UserError("picture does not say which scene it shows", source)

@@ -70,7 +70,7 @@ def test_every_4x4_block_sees_16_samples_of_each_kind(context):
 def test_golden_rotation_turns_by_the_golden_angle(context):
     turns = np.linspace(0, 1, 100, dtype=np.float32)[:, None]
     out = evaluate(context, ("lib/sampling.glsl",), "vec2 d = direction_from_turn(a.x);"
-                   "result = vec4(d, golden_rotation(d));", turns).astype(np.float64)
+                   "result = vec4(d, rotated(d, vec2(GOLDEN_ANGLE_COS, GOLDEN_ANGLE_SIN)));", turns).astype(np.float64)
     assert np.allclose(out[:, 0] + 1j * out[:, 1], np.exp(2j * np.pi * turns[:, 0]), atol=1e-5)
     turned = (out[:, 2] + 1j * out[:, 3]) / (out[:, 0] + 1j * out[:, 1])
     assert np.allclose(turned, np.exp(1j * np.pi * (3 - np.sqrt(5))), atol=1e-5)
