@@ -325,8 +325,8 @@ class Renderer:
         return self._runner.targets.texture("display")
 
     def present(self, framebuffer: moderngl.Framebuffer, picture: moderngl.Texture | None = None,
-                right_of: int = 0) -> None:
-        """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this column on."""
+                right_of: float = 0.0) -> None:
+        """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this share of its width on."""
         if self._presenter is None:
             self._presenter = Presenter(self.context)
         # Of a buffer each texel is to be seen as it is

@@ -111,7 +111,7 @@ class OtherSettings:
     def present(self, framebuffer: moderngl.Framebuffer) -> None:
         """Draw B right of the divider."""
         if self.shown:
-            self._ours.present(framebuffer, self._other.display, round(self._state.split * framebuffer.size[0]))
+            self._ours.present(framebuffer, self._other.display, self._state.split)
 
     def read(self) -> np.ndarray:
         """The picture as it is shown, in the rendered size: (H, W, 3) uint8, row 0 = top."""

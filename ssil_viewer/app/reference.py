@@ -226,8 +226,7 @@ class WindowReference:
         except (UserError, ShaderError) as error:
             self._give_up(str(error))
             return
-        right_of = round(self._state.split * framebuffer.size[0]) if self._state.split_view else 0
-        self._renderer.present(framebuffer, picture, right_of)
+        self._renderer.present(framebuffer, picture, self._state.split if self._state.split_view else 0.0)
 
     def _picture(self) -> moderngl.Texture:
         if self._state.reference_view == "error":

@@ -391,9 +391,7 @@ class Viewer:
 
     def _on_resize(self, width: int, height: int) -> None:
         if width > 0 and height > 0:
-            # A framebuffer knows the size it had when it was found.
             self._screen.viewport = (0, 0, width, height)
-            self._screen = self._ctx.detect_framebuffer(self._screen.glo)
 
     def _on_drop(self, paths: list[Path]) -> None:
         for path in paths:

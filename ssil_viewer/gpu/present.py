@@ -17,20 +17,22 @@ class Presenter:
         self._program = compile_program(context, vertex, expand("debug/present.frag.glsl", "#version 330 core"))
         self._array = context.vertex_array(self._program, [])
 
-    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: int = 0,
+    def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: float = 0.0,
              smooth: bool = True) -> None:
-        """Stretch `picture` over `framebuffer`, texel by texel when the sizes agree.
+        """Stretch `picture` over the viewport of `framebuffer`, which begins at its corner, texel by texel when the sizes agree.
 
         Args:
-            right_of: Columns at the left that keep what they show.
-            smooth: Bilinear where they do not; otherwise each texel is a block.
+            right_of: Share of the width, at the left, that keeps what it shows.
+            smooth: Bilinear where the sizes do not agree; otherwise each texel is a block.
         """
         self._context.enable_only(moderngl.NOTHING)
-        width, height = framebuffer.size
-        framebuffer.scissor = (right_of, 0, width - right_of, height) if right_of else None
+        # Not its `size`: of a window that is the size with which it was opened, for ever
+        width, height = framebuffer.viewport[2:]
+        left = round(right_of * width)
+        framebuffer.scissor = (left, 0, width - left, height) if left else None
         framebuffer.use()
         picture.use(0)
-        self._program["target_size"].value = framebuffer.size
+        self._program["target_size"].value = width, height
         self._program["is_smooth"].value = smooth
         self._array.render(moderngl.TRIANGLES, 3)
         framebuffer.scissor = None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import time
 
+import glfw
 import numpy as np
 import pytest
 from imgui_bundle import imgui
+from PIL import ImageGrab
 
 from ssil_viewer.settings import Settings
 
@@ -60,6 +63,14 @@ def drag(viewer, start, end, button=1):
 def picture(viewer):
     renderer = viewer._renderer
     return np.frombuffer(renderer.display.read(), np.uint8).reshape(*renderer.size[::-1], 4)[::-1, :, :3].astype(int)
+
+
+def on_screen(viewer):
+    """(H, W, 3): what the X server shows where the window is."""
+    left, top = glfw.get_window_pos(viewer.window.handle)
+    width, height = viewer.window.buffer_size
+    grabbed = ImageGrab.grab(bbox=(left, top, left + width, top + height), xdisplay=os.environ["DISPLAY"])
+    return np.asarray(grabbed.convert("RGB")).astype(int)
 
 
 def note_places(monkeypatch, owner, name):

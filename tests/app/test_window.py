@@ -19,7 +19,7 @@ from ssil_viewer.app.window import run_window
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Light, LightKind
 from ssil_viewer.settings import Settings, load_preset, of_display
-from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, SIZE, click, drag, picture, turn, until, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, SIZE, click, drag, on_screen, picture, turn, until, xdotool
 
 pytestmark = NEEDS_X
 
@@ -159,6 +159,21 @@ def test_resizing_follows_the_framebuffer(viewer, tmp_path):
     viewer.state.render_scale = 0.5
     turn(viewer)
     assert viewer._renderer.size == (350, 206)
+
+
+@pytest.mark.parametrize("size", [(900, 600), (420, 300)])
+def test_the_screen_shows_the_whole_picture_after_resizing(viewer, size):
+    """What is on the screen, not what is saved: a file has a framebuffer of its own."""
+    viewer.state.render_scale = 1.0
+    viewer.window.size = size
+    until(viewer, lambda: viewer.window.buffer_size == size)
+    turn(viewer)
+    shown = on_screen(viewer)
+    assert shown.shape[:2] == size[::-1]
+    expected = picture(viewer)
+    free = np.s_[40:-40, size[0] * 3 // 4:]     # neither panel nor menu nor status line
+    assert np.abs(shown - expected)[free].mean() < 0.5
+    assert np.ptp(expected[free], axis=(0, 1)).max() > 40, "something to see"
 
 
 def test_nothing_is_drawn_while_minimised(viewer, monkeypatch):
