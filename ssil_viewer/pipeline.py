@@ -326,7 +326,7 @@ class Renderer:
 
     def present(self, framebuffer: moderngl.Framebuffer, picture: moderngl.Texture | None = None,
                 right_of: float = 0.0) -> None:
-        """Draw `display`, or another picture like it, over a framebuffer; `right_of`: from this share of its width on."""
+        """Draw `display`, or a picture like it, over a framebuffer; `right_of`: from that share of its width on."""
         if self._presenter is None:
             self._presenter = Presenter(self.context)
         # Of a buffer each texel is to be seen as it is

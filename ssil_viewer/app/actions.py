@@ -186,8 +186,9 @@ class Actions(CameraActions, LightActions):
 
     @shows_errors
     def load_settings(self, path: Path) -> None:
-        """Settings of a file, over the defaults."""
-        self.state.settings = load_settings(path)
+        """Settings of a file, over the defaults; the scene keeps an exposure that the user has not chosen."""
+        unchosen = self.exposure.unchosen
+        self.state.settings = load_settings(path, None if unchosen is None else Settings(exposure=unchosen))
         self.state.say(f"Settings of {path}")
 
     @shows_errors
@@ -350,10 +351,12 @@ class Actions(CameraActions, LightActions):
             return
         self.state.settings = view.settings
         self.state.camera.set_camera(view.camera)
-        self._set_lights(view.lights)
-        self._tell_of_picture(view.lights)
+        self._take_over_rest(view.lights)
 
-    def _tell_of_picture(self, lights: tuple[Light, ...] | None) -> None:
+    def _take_over_rest(self, lights: tuple[Light, ...] | None) -> None:
+        """Of a picture whose camera and settings are there."""
+        self.exposure.picture_opened()
+        self._set_lights(lights)
         self.state.say("Settings and camera of the picture" if lights is None else
                        "Settings, camera and lights of the picture")
 
@@ -376,8 +379,7 @@ class Actions(CameraActions, LightActions):
             self.state.camera.set_camera(camera)
         if settings is not None:
             self.state.settings = settings
-            self._set_lights(lights)
-            self._tell_of_picture(lights)
+            self._take_over_rest(lights)
         elif camera is None:
             self.exposure.light_changed()
         count = len(outcome.scene.warnings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 from ssil_viewer.app.state import AppState
 from ssil_viewer.errors import UserError
@@ -11,22 +12,26 @@ from ssil_viewer.metering import FAR_OFF, meter
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.settings import Settings
 
+ExposureOrigin = Literal["chosen", "unchosen", "of picture"]
+
 
 class ExposureChoice:
     """Sets `exposure` of the state by the picture: once, so that kinds of light and settings can be compared.
 
-    Whatever else sets it, a slider, a file, a saved picture, is the user's choice, which stays.
+    Whatever else sets it, a slider or a file, is the user's choice, which stays; that of a saved picture stays with its
+    scene.
 
     Args:
         on_own: Told of an exposure that is going to be set without having been asked for.
 
     Attributes:
-        own: The exposure that was set here last; None before `start`.
+        own: The exposure that the user has not chosen: set here last, or of a picture; None before `start`.
     """
 
     def __init__(self, state: AppState, renderer: Renderer, on_own: Callable[[float], None]) -> None:
         self._state, self._renderer, self._on_own = state, renderer, on_own
         self.own: float | None = None
+        self._of_picture: float | None = None
         self._asked = False                     # by the user
         self._unchecked = False                 # the scene or its light is new
 
@@ -35,13 +40,23 @@ class ExposureChoice:
         self.own = self._state.settings.exposure
         self.light_changed()
 
+    def picture_opened(self) -> None:
+        """The exposure is now that of a saved picture: right for its scene, and nobody's choice for another one."""
+        self.own = self._of_picture = self._state.settings.exposure
+        self._unchecked = False
+
+    @property
+    def unchosen(self) -> float | None:
+        """The exposure of now, unless the user has chosen it."""
+        return self.own if self._state.settings.exposure == self.own else None
+
     def ask(self) -> None:
         """Choose by what the next drawn picture shows."""
         self._asked = True
 
     def light_changed(self) -> None:
         """Another scene, or another light in it: look at its first frame, unless the user has chosen an exposure."""
-        if self._state.settings.exposure == self.own:
+        if self.unchosen is not None:
             self._set(Settings().exposure)
             self._unchecked = True
 
@@ -49,11 +64,11 @@ class ExposureChoice:
         """Another state is back, of a time at which this was the value of `own`; look at its first frame if it still
         has that: it may have been left before its own was chosen."""
         self.own = own
-        self._unchecked = self._state.settings.exposure == own
+        self._unchecked = self.unchosen is not None and own != self._of_picture
 
     def frame_shown(self) -> None:
         """Choose, if there is a reason to. Call it once a turn in which the picture shows what the state says."""
-        asked, unchecked = self._asked, self._unchecked and self._state.settings.exposure == self.own
+        asked, unchecked = self._asked, self._unchecked and self.unchosen is not None
         self._asked = self._unchecked = False
         if not (asked or unchecked):
             return
@@ -77,5 +92,5 @@ class ExposureChoice:
                             "sets 0")
 
     def _set(self, exposure: float) -> None:
-        self.own = exposure
+        self.own, self._of_picture = exposure, None
         self._state.settings = self._state.settings.replaced({"exposure": exposure})

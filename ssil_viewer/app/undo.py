@@ -41,9 +41,9 @@ class History:
         Args:
             busy: It goes on: all of it becomes one.
         """
-        if self._now is None:
-            self._now = now
-        elif now != self._now and not busy:
+        if self._now is None or now == self._now:
+            self._now = now     # `own_exposure` may be another one
+        elif not busy:
             self._past.append(self._now)
             self._future.clear()
             self._now = now

@@ -14,6 +14,7 @@ from imgui_bundle import imgui
 from ssil_viewer.app import theme
 from ssil_viewer.app.actions import Actions
 from ssil_viewer.app.diagnosis import LightWatch
+from ssil_viewer.app.exposure_choice import ExposureOrigin
 from ssil_viewer.app.following import RendererFollower
 from ssil_viewer.app.glfw_window import GlfwWindow, open_window
 from ssil_viewer.app.gui import Gui
@@ -49,7 +50,7 @@ _MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
 def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, int] = (1280, 720),
                camera: Camera | None = None, frames: int | None = None, vsync: bool = True,
                reference: ReferenceKind = "off", other: Settings | None = None, image_scale: float = 1.0,
-               panel_scale: float = 1.0, choose_exposure: bool = False, auto_exposure: bool = False,
+               panel_scale: float = 1.0, exposure_is: ExposureOrigin = "chosen", auto_exposure: bool = False,
                recent: RecentScenes | None = None) -> None:
     """Open a window on a scene and return when it is closed.
 
@@ -63,8 +64,8 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         other: Settings B, shown beside the picture, unless a reference is.
         image_scale: Rendered pixels per pixel of the window, along each side.
         panel_scale: Of text and panels, on top of what the monitor asks for.
-        choose_exposure: The one of `settings` is nobody's choice: if the scene is seen nearly black or white with it,
-            another is chosen.
+        exposure_is: "unchosen": if the scene is seen nearly black or white with that of `settings`, another is taken;
+            "of picture": right for this scene alone.
         auto_exposure: One is chosen in any case, by the first picture.
         recent: Scenes opened before, for the menu; None keeps a list of this window alone.
 
@@ -78,8 +79,10 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
         if recent is not None:
             viewer.actions.recent = recent
         viewer.actions.recent.add(scene.name)
-        if choose_exposure:
+        if exposure_is == "unchosen":
             viewer.actions.exposure.start()
+        elif exposure_is == "of picture":
+            viewer.actions.exposure.picture_opened()
         if auto_exposure:
             viewer.actions.exposure.ask()
         viewer.actions.set_reference(reference)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from typing import TYPE_CHECKING
 
 from ssil_viewer.commands import shared, values
 from ssil_viewer.commands.parser import Parser, add_image_flags, add_scene
 from ssil_viewer.errors import UserError
 from ssil_viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from ssil_viewer.app.exposure_choice import ExposureOrigin
 
 USAGE = "[SCENE] [flags]"
 EPILOG = "The keys and the mouse are explained in the window: press F1."
@@ -56,8 +60,15 @@ def run(args: argparse.Namespace) -> None:
                panel_scale=args.panel_scale / 100, auto_exposure=args.auto_exposure,
                # A run of so many frames is a script's
                recent=RecentScenes.of_user() if args.frames is None else None,
-               choose_exposure=not hasattr(args, "exposure") and args.picture is None
-               and settings.exposure == Settings().exposure)
+               exposure_is=_exposure_is(args, settings))
+
+
+def _exposure_is(args: argparse.Namespace, settings: Settings) -> ExposureOrigin:
+    if hasattr(args, "exposure"):
+        return "chosen"
+    if args.picture is not None:
+        return "of picture"
+    return "unchosen" if settings.exposure == Settings().exposure else "chosen"
 
 
 def check_display() -> None:

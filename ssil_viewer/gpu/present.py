@@ -19,7 +19,7 @@ class Presenter:
 
     def draw(self, picture: moderngl.Texture, framebuffer: moderngl.Framebuffer, right_of: float = 0.0,
              smooth: bool = True) -> None:
-        """Stretch `picture` over the viewport of `framebuffer`, which begins at its corner, texel by texel when the sizes agree.
+        """Stretch `picture` over the viewport of `framebuffer`, all of it, texel by texel when the sizes agree.
 
         Args:
             right_of: Share of the width, at the left, that keeps what it shows.

@@ -19,7 +19,19 @@ from ssil_viewer.app.window import run_window
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Light, LightKind
 from ssil_viewer.settings import Settings, load_preset, of_display
-from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, SIZE, click, drag, on_screen, picture, turn, until, xdotool
+from tests.app.driving import (
+    IMAGE_POINT,
+    NEEDS_X,
+    SETTINGS,
+    SIZE,
+    click,
+    drag,
+    on_screen,
+    picture,
+    turn,
+    until,
+    xdotool,
+)
 
 pytestmark = NEEDS_X
 

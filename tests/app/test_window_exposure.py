@@ -90,6 +90,50 @@ def test_a_reload_keeps_the_exposure_and_a_saved_picture_brings_its_own(viewer, 
     assert state.settings.exposure == chosen - 1.0
 
 
+def test_a_settings_file_keeps_an_exposure_that_nobody_chose(viewer, dim, tmp_path):
+    state, path = viewer.state, tmp_path / "mine.toml"
+    path.write_text("samples = 9")
+    viewer.actions.exposure.start()
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    assert chosen > 5.0
+    viewer.actions.open_path(path)
+    assert state.settings == Settings(samples=9, exposure=chosen)
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=3.0))
+    viewer.actions.open_path(path)
+    assert state.settings == Settings(samples=9), "what the user chose is a setting like others"
+    path.write_text("exposure = 1.5")
+    viewer.actions.open_path(path)
+    assert state.settings == Settings(exposure=1.5)
+
+
+def test_a_saved_picture_keeps_its_exposure_and_other_scenes_get_theirs(viewer, scene, dim, tmp_path):
+    state = viewer.state
+    viewer.actions.exposure.start()
+    turn(viewer)
+    viewer.actions.save_image()     # at 0
+    open_in(viewer, dim)
+    chosen = state.settings.exposure
+    assert chosen > 5.0
+    viewer.actions.open_path(next(tmp_path.glob("*.png")))
+    until(viewer, lambda: not state.loading)
+    turn(viewer)
+    assert state.settings.exposure == 0.0
+    # A dark picture stays as dark as it is
+    open_in(viewer, dim)
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=0.0))
+    turn(viewer)
+    viewer.actions.exposure.picture_opened()
+    turn(viewer)
+    assert state.settings.exposure == 0.0
+    viewer.actions.set_settings(dataclasses.replace(state.settings, samples=9))
+    viewer.actions.undo()
+    turn(viewer)
+    assert state.settings.exposure == 0.0, "taking a change back is no reason to choose"
+    open_in(viewer, dim)
+    assert state.settings.exposure == chosen
+
+
 @pytest.mark.parametrize("show", ["both", "direct", "indirect", "glossy"])
 def test_the_exposure_is_that_of_the_light_that_is_shown(viewer, show):
     """As metered from what a renderer that keeps everything has: M reads other buffers."""
@@ -118,14 +162,15 @@ def test_without_light_the_exposure_stays(viewer):
     assert any("Nothing shines" in toast.text for toast in viewer.state.toasts)
 
 
-@pytest.mark.parametrize(("flags", "looked_at"), [
-    ([], True), (["--exposure", "0"], False), (["--exposure", "2"], False), (["--samples", "9"], True)])
-def test_the_window_may_choose_where_the_command_line_does_not(monkeypatch, flags, looked_at):
+@pytest.mark.parametrize(("flags", "exposure_is"), [
+    ([], "unchosen"), (["--samples", "9"], "unchosen"),
+    (["--exposure", "0"], "chosen"), (["--exposure", "2"], "chosen")])
+def test_the_window_may_choose_where_the_command_line_does_not(monkeypatch, flags, exposure_is):
     given = {}
     monkeypatch.setattr(app_window, "run_window", lambda **options: given.update(options))
     monkeypatch.setenv("DISPLAY", ":0")
     assert cli.main(["view", "builtin:cornell", *flags]) == 0
-    assert given["choose_exposure"] == looked_at and not given["auto_exposure"]
+    assert given["exposure_is"] == exposure_is and not given["auto_exposure"]
 
 
 def test_the_window_chooses_at_its_start_where_it_is_told_to(display, scene, monkeypatch, capsys):
@@ -133,7 +178,7 @@ def test_the_window_chooses_at_its_start_where_it_is_told_to(display, scene, mon
     monkeypatch.setattr(Viewer, "release", lambda viewer, original=Viewer.release: (
         chosen.append(viewer.state.settings.exposure), original(viewer)))
     for auto_exposure in (False, True):
-        run_window(scene, SETTINGS, (320, 200), frames=2, choose_exposure=True, auto_exposure=auto_exposure)
+        run_window(scene, SETTINGS, (320, 200), frames=2, exposure_is="unchosen", auto_exposure=auto_exposure)
     assert chosen[0] == 0.0 and chosen[1] != 0.0
     assert cli.main(["view", "builtin:cornell", "--auto-exposure", "--exposure", "1"]) == 2
     assert "--auto-exposure and --exposure, give one of them" in capsys.readouterr().err
@@ -202,4 +247,4 @@ def test_a_saved_picture_keeps_its_exposure_when_the_window_begins_with_it(tmp_p
     output.write_png(tmp_path / "dark.png", np.zeros((2, 2, 3), np.uint8), shown)
     monkeypatch.setenv("DISPLAY", ":0")
     assert cli.main(["view", str(tmp_path / "dark.png")]) == 0 and cli.main(["view", "builtin:cornell"]) == 0
-    assert [words["choose_exposure"] for words in begun] == [False, True]
+    assert [words["exposure_is"] for words in begun] == ["of picture", "unchosen"]
