@@ -84,19 +84,22 @@ vec3 tile_ndc(Tile tile, vec3 position) {
     return clip.w > 0.0 ? clip.xyz / clip.w : vec3(2.0);    // behind is outside
 }
 
-// Four bilinear comparisons, `spread` texels to each side: 0 to 1. slope: change of depth with uv over the texels.
+// Four bilinear comparisons, up to `spread` texels to each side, on a turned square, so that either axis has four places
+// instead of two: 0 to 1. slope: change of depth with uv over the texels.
 float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, vec2 slope) {
     if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
     vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
     vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
-    // Beyond a corner the plane goes on behind a wall that is lit: half of the way must do
-    float lit = 0.0, farthest = 0.5 * spread * rect.w * (abs(slope.x) + abs(slope.y));
-    for (int y = -1; y <= 1; y += 2)
-        for (int x = -1; x <= 1; x += 2) {
-            vec2 at = clamp(uv + vec2(x, y) * (spread * rect.w), low, high);
-            float depth = clamp(ndc.z * 0.5 + 0.5 + min(dot(slope, at - uv), farthest), 0.0, 1.0);
-            lit += textureLod(atlas, vec3(at, depth), 0.0);
-        }
+    vec2 apart = vec2(1.0, 1.0 / 3.0) * (spread * rect.w);
+    float lit = 0.0;
+    for (int i = 0; i < 4; ++i) {
+        vec2 at = clamp(uv + apart, low, high);
+        // What is farther from the light than the receiver cannot hide it. Where its plane goes on behind a corner, the depth
+        // there would be that of what lies behind the wall, which is lit
+        float depth = clamp(ndc.z * 0.5 + 0.5 + min(dot(slope, at - uv), 0.0), 0.0, 1.0);
+        lit += textureLod(atlas, vec3(at, depth), 0.0);
+        apart = vec2(-apart.y, apart.x);
+    }
     return lit * 0.25;
 }
 

@@ -9,6 +9,7 @@ import pytest
 
 from ssil_viewer.commands.parser import Parser, add_setting_flags
 from ssil_viewer.gpu import scene_rays
+from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Image, Instance, Light, Material, Mesh, TextureRef
 from tests import scenes
 from tests.passes.test_direct_light import BLOCKER, CAMERA, PLAIN, SHADOWING, SIZE, WALL, render, wall_points
@@ -45,6 +46,20 @@ def test_surfaces_do_not_shade_themselves(make_renderer, kind):
     traced = render(make_renderer, (WALL,), (light,), shadow_rays=True).read("radiance")
     free = render(make_renderer, (WALL,), (replace(light, cast_shadow=False),)).read("radiance")
     assert np.allclose(traced, free, rtol=0.01)
+
+
+def test_maps_do_not_darken_concave_corners(make_renderer):
+    """Where a plane goes on behind a corner, a lookup's far taps see the lit front of the wall, not what hides the plane."""
+    scene = load_scene("builtin:cornell")
+
+    def direct(**settings):
+        renderer = make_renderer(scene, (640, 360), bounces=0, **settings)
+        renderer.render(default_camera(scene))
+        return renderer.read("direct").mean(-1)
+
+    by_map, by_rays = direct(), direct(shadow_rays=True)
+    # With the depth of the plane at half of the way there it was 0.0061
+    assert ((by_map < 0.7 * by_rays) & (by_rays > 1e-3)).mean() < 0.001
 
 
 def test_light_falls_through_the_holes_of_masks(make_renderer):
