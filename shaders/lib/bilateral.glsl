@@ -72,6 +72,10 @@ float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
     return tap.view_depth > 0.0 ? facing * facing / (1.0 + off_plane * off_plane) : 0.0;
 }
 
+// For a tap that gathered for a coarse texel: of its footprint less than all may lie on the surface that it kept, and its middle,
+// where the light was gathered, beyond the edge of that: at the foot of a wall below the floor, which then sends it nothing.
+float wholeness(Surface tap) { return max(tap.whole * tap.whole, 0.03); }
+
 // Sum of the weights below which nobody agrees: thin things whose surface no coarse texel kept. What is missing goes to
 // the neighbour nearest in depth, which is wrong by less than black or a halo would be.
 const float LEAST_AGREEMENT = 0.01;

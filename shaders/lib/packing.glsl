@@ -2,10 +2,11 @@
 // reads was decoded here.
 
 // A visible surface as the pyramid stores it. view_depth: metres along -Z, 0 = background.
-// normal: view space, unit length, facing the camera.
+// normal: view space, unit length, facing the camera. whole: how much of the texel's footprint it has: 1, or less on coarse levels.
 struct Surface {
     float view_depth;
     vec3 normal;
+    float whole;
 };
 
 // RGB with a shared exponent, 9 bits each and 5 for the exponent (the layout of GL_RGB9_E5, which
@@ -44,13 +45,14 @@ vec3 decode_snorm10(uint bits) {
 }
 
 // Depth as its 32 bits, the normal as three 10-bit signed components: decoding needs no square root,
-// which the gather would pay per sample. Angular error below 0.08 degrees.
+// which the gather would pay per sample. Angular error below 0.08 degrees. `whole` has the two bits that are left: thirds.
 uvec2 encode_surface(Surface surface) {
-    return uvec2(floatBitsToUint(surface.view_depth), encode_snorm10(surface.normal));
+    uint thirds = uint(int(clamp(surface.whole, 0.0, 1.0) * 3.0 + 0.5));
+    return uvec2(floatBitsToUint(surface.view_depth), encode_snorm10(surface.normal) | (thirds << 30));
 }
 
 Surface decode_surface(uvec2 bits) {
-    return Surface(uintBitsToFloat(bits.x), decode_snorm10(bits.y));
+    return Surface(uintBitsToFloat(bits.x), decode_snorm10(bits.y), float(bits.y >> 30) * (1.0 / 3.0));
 }
 
 // A unit vector as one number that a half float holds exactly, whatever its stored bits are rounded by: 247x247 places of

@@ -166,7 +166,8 @@ void vote(Block block, out Surface surface, out uint winner) {
     FOR_VOTERS(JOIN)
     float squared = dot(mean.normal, mean.normal);
     // The share of a lone texel ends as 0: it stays as it is
-    surface = mean.total > 0.0 && squared > 0.0 ? Surface(mean.depth / mean.total, mean.normal * inversesqrt(squared))
-                                                : Surface(dot(candidates.depth, only), its_normal);
-    winner = uint(chosen) | (uint(clamp(mean.total * 0.125, 0.0, 1.0) * 63.0 + 0.5) << 2);
+    float share = clamp(mean.total * 0.125, 0.0, 1.0);
+    surface = mean.total > 0.0 && squared > 0.0 ? Surface(mean.depth / mean.total, mean.normal * inversesqrt(squared), share * share)
+                                                : Surface(dot(candidates.depth, only), its_normal, 0.0);
+    winner = uint(chosen) | (uint(share * 63.0 + 0.5) << 2);
 }

@@ -86,7 +86,7 @@ struct Step {
 Step step_of(Row row, vec2 center, vec2 place, vec2 scale) {
     vec2 at_place = center + row.direction * place.x;
     ivec2 at = ivec2(floor(at_place));
-    Surface surface = Surface(0.0, vec3(0.0));
+    Surface surface = Surface(0.0, vec3(0.0), 0.0);
     bool inside = is_on_screen(at, size_surface());
 #ifndef ZERO_OUTSIDE
     if (inside)

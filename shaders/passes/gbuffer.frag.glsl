@@ -82,7 +82,7 @@ void main() {
     vec3 albedo = clamp(base.rgb, 0.0, 1.0) * (1.0 - metallic);
     vec3 f0 = mix(vec3(dielectric), clamp(base.rgb, 0.0, 1.0), metallic);
 
-    out_surface = Surface(depth, n);
+    out_surface = Surface(depth, n, 1.0);
     out_albedo = vec4(albedo, occlusion);
     out_specular = vec4(f0, roughness);
     out_emission = emission;

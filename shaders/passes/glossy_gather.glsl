@@ -191,8 +191,14 @@ void shade(ivec2 px) {
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     Receiver receiver = Receiver(px, position_from_ray(ray, surface.view_depth), normalize(surface.normal));
-    float roughness = roughness_of(px, surface, receiver.position);
+    Kept kept = what_is_kept(px, surface, receiver.position);
+    float roughness = kept.roughness;
     if (roughness < 0.0) return;
+    // The texel's own middle may lie beyond the edge of its surface, from where nothing is mirrored as it should be. Where the
+    // plane is seen nearly edge-on, a part of a texel is a long way
+    OnPlane there = on_plane(surface, px, kept.center, frame.ray_scale * texel);
+    if (abs(there.depth - surface.view_depth) < 0.03 * surface.view_depth)
+        receiver.position = position_from_ray(there.ray, there.depth);
     Mirror mirror = mirror_of(roughness, receiver.position, receiver.normal);
     Wedge wedge = wedge_of(receiver, mirror);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);

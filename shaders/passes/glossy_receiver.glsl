@@ -9,11 +9,16 @@ struct Mirror {
     float scale;        // 1 / phong_albedo
 };
 
-// Roughness of the surface that a texel kept: the mean over four of its pixels, as far as they lie on it. Negative where
-// nothing reflects.
-float roughness_of(ivec2 px, Surface surface, vec3 position) {
+// The surface that a texel kept: the mean of four of its pixels, as far as they lie on it. roughness: negative where nothing reflects.
+struct Kept {
+    float roughness;
+    vec2 center;        // in texels: of the part that has it
+};
+
+Kept what_is_kept(ivec2 px, Surface surface, vec3 position) {
     ivec2 last = size_image_surface() - 1;
-    float sum = 0.0, total = 0.0;
+    float sum = 0.0, total = 0.0, counted = 0.0;
+    vec2 places = vec2(0.0);
     for (int i = 0; i < 4; ++i) {
         vec2 corner = vec2(px) + (vec2(i & 1, i >> 1) * 0.5 + 0.25);
         ivec2 at = min(ivec2(corner * texel), last);
@@ -26,8 +31,13 @@ float roughness_of(ivec2 px, Surface surface, vec3 position) {
         if (fine.view_depth <= 0.0 || off_plane > 0.02 * surface.view_depth) weight = 0.0;
         sum += specular.a * weight;
         total += weight;
+        // Narrower than the weight: at the foot of a wall the floor is not far from the wall's plane
+        if (weight > 0.0 && off_plane < 0.003 * surface.view_depth) {
+            places += corner;
+            counted += 1.0;
+        }
     }
-    return total > 1e-4 ? sum / total : -1.0;
+    return Kept(total > 1e-4 ? sum / total : -1.0, counted > 0.0 ? places / counted : vec2(px) + 0.5);
 }
 
 Mirror mirror_of(float roughness, vec3 position, vec3 normal) {

@@ -15,7 +15,7 @@ float view_depth_of(float stored) {
 }
 
 void shade(ivec2 px) {
-    out_surface = Surface(0.0, vec3(0.0));
+    out_surface = Surface(0.0, vec3(0.0), 0.0);
     out_radiance = vec3(0.0);
     out_motion = vec4(0.0);
     float view_depth = view_depth_of(texelFetch(texture_host_depth, px, 0).r);
@@ -27,7 +27,7 @@ void shade(ivec2 px) {
     n = mat3(frame.view_from_world) * n;
 #endif
     vec3 to_camera = normalize(-position_vs);
-    out_surface = Surface(view_depth, turned_to_camera(normalize_or(n, to_camera), to_camera));
+    out_surface = Surface(view_depth, turned_to_camera(normalize_or(n, to_camera), to_camera), 1.0);
     out_radiance = texelFetch(texture_host_radiance, px, 0).rgb;
 
     vec3 before_vs = (frame.previous_view_from_view * vec4(position_vs, 1.0)).xyz;

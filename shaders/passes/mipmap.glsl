@@ -25,7 +25,7 @@ void shade(ivec2 px) {
         }
     }
     float squared = dot(normal, normal);
-    out_surface = count > 0.0 && squared > 1e-6 ? Surface(depth / count, normal * inversesqrt(squared))
+    out_surface = count > 0.0 && squared > 1e-6 ? Surface(depth / count, normal * inversesqrt(squared), 1.0)
                                                 : load_surface(base);
     out_winner = 0u;
 #endif

@@ -16,7 +16,7 @@ void shade(ivec2 px) {
     if (surface.view_depth <= 0.0) return;
     vec2 ray = ray_from_pixel(vec2(px) + 0.5, frame.ray_scale * texel, frame.ray_origin);
     vec3 position = position_from_ray(ray, surface.view_depth), normal = normalize(surface.normal);
-    float roughness = roughness_of(px, surface, position);
+    float roughness = what_is_kept(px, surface, position).roughness;
     if (roughness < 0.0) return;
     Mirror mirror = mirror_of(roughness, position, normal);
     vec3 from = position * (1.0 - RAY_LIFT) + normal * (RAY_LIFT * surface.view_depth);

@@ -79,7 +79,7 @@ def test_surface_keeps_depth_exactly_and_the_normal_to_a_tenth_of_a_degree(conte
     normals = np.concatenate([unit_vectors(4000), np.eye(3), -np.eye(3)]).astype(np.float32)
     depths = (10.0 ** np.random.default_rng(6).uniform(-6, 9, len(normals))).astype(np.float32)
     depths[:2] = 0, 1e-30
-    out = evaluate(context, PACKING, "Surface s = decode_surface(encode_surface(Surface(a.w, a.xyz)));"
+    out = evaluate(context, PACKING, "Surface s = decode_surface(encode_surface(Surface(a.w, a.xyz, 1.0)));"
                    "result = vec4(s.normal, s.view_depth);", np.concatenate([normals, depths[:, None]], 1))
     assert np.array_equal(out[:, 3], depths)
     assert np.abs(out[:, :3] - normals).max() < 0.001
@@ -89,9 +89,17 @@ def test_surface_keeps_depth_exactly_and_the_normal_to_a_tenth_of_a_degree(conte
     assert np.array_equal(out[-6:, :3], normals[-6:]), "the axes are exact"
 
 
+def test_surface_keeps_its_share_of_the_footprint_in_thirds(context):
+    shares = np.array([0, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 1, 2, -1], np.float32)
+    out = evaluate(context, PACKING, "Surface s = Surface(3.0, vec3(-1.0, 0.6, -0.8), a.x);"
+                   "s = decode_surface(encode_surface(s)); result = vec4(s.normal, s.whole);", shares[:, None])
+    assert np.allclose(out[:, 3], np.round(np.clip(shares, 0, 1) * 3) / 3, atol=1e-6)
+    assert (out[:, :3] == out[0, :3]).all() and out[0, 0] == -1.0, "the normal has the other 30 bits"
+
+
 def test_surface_of_a_normal_that_is_too_long_stays_in_range(context):
     values = np.array([(5, -5, 0.5, 1), (1e30, 0, -1e30, 1)], np.float32)
-    out = evaluate(context, PACKING, "Surface s = decode_surface(encode_surface(Surface(a.w, a.xyz)));"
+    out = evaluate(context, PACKING, "Surface s = decode_surface(encode_surface(Surface(a.w, a.xyz, 1.0)));"
                    "result = vec4(s.normal, s.view_depth);", values)
     assert np.abs(out[:, :3]).max() == 1.0
 

@@ -12,7 +12,7 @@ struct Rays { vec2 ray_scale, ray_origin; };
 const Rays frame = Rays(vec2(1.0), vec2(0.0));
 uniform int window;
 uniform bool mirrored;
-Surface load_surface(ivec2 px) { return Surface(0.0, vec3(0.0)); }
+Surface load_surface(ivec2 px) { return Surface(0.0, vec3(0.0), 1.0); }
 """
 LIBRARIES = ("lib/packing.glsl", "lib/spaces.glsl")
 

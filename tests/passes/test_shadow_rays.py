@@ -49,7 +49,7 @@ def test_surfaces_do_not_shade_themselves(make_renderer, kind):
 
 
 def test_maps_do_not_darken_concave_corners(make_renderer):
-    """Where a plane goes on behind a corner, a lookup's far taps meet the wall's lit front, which hides nothing of it."""
+    """Where a plane goes on behind a corner, a lookup's far taps meet the wall's lit front, which hides nothing."""
     scene = load_scene("builtin:cornell")
 
     def direct(**settings):

@@ -7,6 +7,7 @@ import pytest
 
 from ssil_viewer.headless import render_frames
 from ssil_viewer.reference.all_pixels import read_surfaces
+from ssil_viewer.scene import default_camera, load_scene
 from ssil_viewer.scene.model import Camera, Material
 from tests import scenes
 
@@ -139,3 +140,18 @@ def test_furnace(make_renderer):
     # Nowhere more than the whole hemisphere, but for the last pixels of an edge: there the discs that stand for
     # neighbouring texels overlap, and the sum over all pixels exceeds pi L by an eighth, too.
     assert np.percentile(light, 98) < 1.05 * np.pi * RADIANCE
+
+
+def test_the_foot_of_a_wall_is_about_as_light_as_what_is_above_it(make_renderer):
+    """Coarse texels that straddle a slanted contact with the floor stand below it where they keep the wall: its lowest
+    pixels would be dark wherever the edge crosses the grid of texels so."""
+    scene = load_scene("builtin:cornell")
+    renderer = make_renderer(scene, (640, 360))
+    render_frames(renderer, default_camera(scene), 16)
+    light, normals = renderer.read("indirect").mean(-1), renderer.read("normal")
+    lowest = []
+    for column in range(250, 312):      # the tall box, down to the floor, whose normal points up
+        edge = 280 + int(np.argmax(normals[280:345, column, 1] > 0.8))
+        lowest.append(light[edge - 1, column] / light[edge - 8, column])
+    # With all coarse texels counted alike, whatever share of their footprint is the wall: 0.54 and 0.81
+    assert min(lowest) > 0.65 and np.mean(lowest) > 0.86
