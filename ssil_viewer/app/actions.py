@@ -377,6 +377,8 @@ class Actions(CameraActions, LightActions):
         self.history.forget()
         if camera is not None:
             self.state.camera.set_camera(camera)
+        else:
+            self.reset_camera()
         if settings is not None:
             self.state.settings = settings
             self._take_over_rest(lights)

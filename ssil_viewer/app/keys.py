@@ -63,7 +63,7 @@ BINDINGS: tuple[Binding, ...] = (
             (Chord("F12", shift=True),)),
 
     Binding("C", "Change between orbiting and flying", "Camera", "toggle_camera_mode", (Chord("C"),)),
-    Binding("F", "Frame the whole scene", "Camera", "frame_scene", (Chord("F"),)),
+    Binding("F", "Frame the whole scene, beside the panel", "Camera", "frame_scene", (Chord("F"),)),
     Binding("Home", "Back to the camera that the scene was opened with", "Camera", "reset_camera", (Chord("HOME"),)),
     Binding("1 to 9", "Go to a viewpoint; at first these are the cameras of the file", "Camera",
             "recall_viewpoint", tuple(Chord(key) for key in _DIGITS), digit=True),

@@ -58,6 +58,7 @@ class AppState:
         settings: What the user wants; the renderer follows at the next frame, or once what they need is there.
         bounds: Corners of the scene's box; see Scene.bounds.
         home: Camera that the scene was opened with.
+        home_is_given: The user asked for just that view, so no panel moves it aside.
         lights: The lights as edited, without their motion.
         preparing: What is made for the next frame or for new settings and takes long, or empty; see `Preparation`.
         buffer: Name of the buffer shown in place of the image, or None.
@@ -84,6 +85,7 @@ class AppState:
     settings: Settings
     scene: Scene
     home: Camera
+    home_is_given: bool = False
     bounds: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(3), np.zeros(3)))
     camera: CameraControl = field(default_factory=CameraControl)
     lights: tuple[Light, ...] = ()
@@ -118,9 +120,9 @@ class AppState:
     toasts: list[Toast] = field(default_factory=list)
     frame_seconds: deque[float] = field(default_factory=lambda: deque(maxlen=_FRAMES_KEPT))
 
-    def open_scene(self, scene: Scene, camera: Camera) -> None:
+    def open_scene(self, scene: Scene, camera: Camera, camera_is_given: bool = False) -> None:
         """Take over a new scene; the camera of the old one would mean nothing in it."""
-        self.scene, self.home = scene, camera
+        self.scene, self.home, self.home_is_given = scene, camera, camera_is_given
         self.lights = scene.lights
         self.motion = LightMotion()
         self.bounds = scene.bounds()

@@ -197,16 +197,6 @@ def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(
     assert viewer._window.title == "hall.glb - SSIL Viewer"
 
 
-def test_framing_keeps_the_scene_beside_the_panel(viewer):
-    turn(viewer)
-    viewer.actions.frame_scene()
-    beside = viewer.state.camera.distance
-    viewer.actions.toggle_panels()
-    turn(viewer)
-    viewer.actions.frame_scene()
-    assert viewer.state.camera.distance < 0.9 * beside
-
-
 def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):
     def blocks():
         """Share of pairs of columns, of the picture in the middle of the window, that are alike."""

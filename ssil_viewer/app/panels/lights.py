@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
 from imgui_bundle import imgui
 
 from ssil_viewer.app.actions import Actions
@@ -60,14 +61,16 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def new_light(kind: LightKind, camera: CameraControl) -> Light:
     """A light that shows in the present view: halfway to what the camera looks at, with this irradiance there."""
-    to_target, size = 0.5 * camera.distance, max(0.2 * camera.distance, _SMALLEST)
+    towards = camera.pivot - camera.eye
+    to_target = 0.5 * float(np.linalg.norm(towards))
+    size = max(0.4 * to_target, _SMALLEST)
     intensity = _NEW_IRRADIANCE * (1.0 if kind == "directional" else to_target ** 2)
     if kind in AREA_KINDS:
         area = size ** 2 if kind == "rectangle" else math.pi * (0.5 * size) ** 2    # as seen from the target
         # As far away as it is here, it sends what a small one would within 6 %
         intensity = _NEW_IRRADIANCE * to_target ** 2 / area
-    place = 0.5 * (camera.eye + camera.target)
-    direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(camera.forward))
+    place = camera.eye + 0.5 * towards
+    direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(towards))
     return Light(kind, f"New {kind}", intensity=float(f"{intensity:.3g}"), position=_triple(place), direction=direction,
                  width=size, height=size, radius=size / 2)
 
