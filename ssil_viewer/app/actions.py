@@ -182,14 +182,14 @@ class Actions(CameraActions, LightActions):
     def use_preset(self, name: str) -> None:
         """Settings of a shipped preset; those that only concern the display stay."""
         self.state.settings = load_preset(name, Settings().replaced(of_display(self.state.settings)))
-        self.state.say(f"Preset {name}")
+        self.state.say(f"Preset {name}", topic="settings")
 
     @shows_errors
     def load_settings(self, path: Path) -> None:
         """Settings of a file, over the defaults; the scene keeps an exposure that the user has not chosen."""
         unchosen = self.exposure.unchosen
         self.state.settings = load_settings(path, None if unchosen is None else Settings(exposure=unchosen))
-        self.state.say(f"Settings of {path}")
+        self.state.say(f"Settings of {path}", topic="settings")
 
     @shows_errors
     def save_settings(self) -> None:
@@ -218,10 +218,10 @@ class Actions(CameraActions, LightActions):
 
     def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
         if snapshot is None:
-            self.state.say(f"Nothing to {verb}")
+            self.state.say(f"Nothing to {verb}", topic="undo")
             return
         state, now = self.state, self._snapshot()
-        state.say(f"{done}: {difference(now, snapshot)}")
+        state.say(f"{done}: {difference(now, snapshot)}", topic="undo")
         state.settings, state.other = snapshot.settings, snapshot.other
         self.exposure.came_back(snapshot.own_exposure)
         if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
@@ -328,7 +328,7 @@ class Actions(CameraActions, LightActions):
         at = names.index(self.state.buffer) if self.state.buffer in names else 0
         self.state.buffer = names[(at + step) % len(names)]
         self.state.level = self._level_in_range(self.state.level)
-        self.state.say(f"Showing {self.state.buffer or 'the image'}")
+        self.state.say(f"Showing {self.state.buffer or 'the image'}", topic="buffer")
 
     def _step_level(self, step: int) -> None:
         self.state.level = self._level_in_range(self.state.level + step)

@@ -49,7 +49,8 @@ class CameraActions:
         """Change between orbiting and flying."""
         camera = self.state.camera
         camera.mode = "fly" if camera.mode == "orbit" else "orbit"
-        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting")
+        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting",
+                       topic="camera mode")
 
     def frame_scene(self) -> None:
         """Show the whole scene from the present direction, beside the panel."""
@@ -67,12 +68,12 @@ class CameraActions:
     def save_viewpoint(self, digit: int) -> None:
         """Remember the view under a digit."""
         self.state.camera.save_viewpoint(digit)
-        self.state.say(f"Viewpoint {digit} saved")
+        self.state.say(f"Viewpoint {digit} saved", topic="viewpoint")
 
     def recall_viewpoint(self, digit: int) -> None:
         """Go to the view of a digit."""
         if not self.state.camera.recall_viewpoint(digit):
-            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one")
+            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one", topic="viewpoint")
 
     @shows_errors
     def focus_pixel(self, u: float, v: float) -> None:

@@ -79,15 +79,15 @@ class Gui:
             messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software, self._work())
         free = self._panel_width() if state.panels_visible else 0.0
         state.covered = free / max(display.x, 1.0)
-        reference.draw_overlay(state, self._actions.reference, free, top, bottom)
-        other_settings.draw_overlay(state, self._actions.other, free, top, bottom)
+        labels = min(reference.draw_overlay(state, self._actions.reference, free, top, bottom),
+                     other_settings.draw_overlay(state, self._actions.other, free, top, bottom))
         messages.draw_work(state, free, top)
         help.draw(state, free)
         help.draw_about(state, self._renderer.capabilities, free)
         messages.draw_shader_error(state)
         benchmark.draw_table(self._actions.benchmark, free, top)
         self._browser.draw()
-        messages.draw_toasts(state, bottom)
+        messages.draw_toasts(state, labels)
         if state.inspector and state.pixel and not imgui.get_io().want_capture_mouse:
             buffers.draw_reading(state.pixel)
 

@@ -29,11 +29,13 @@ class Toast:
 
     Attributes:
         until: `time.monotonic()` at which it goes.
+        topic: A newer message on the same one takes its place; empty: it stays beside all others.
     """
 
     text: str
     kind: Literal["info", "error"]
     until: float
+    topic: str = ""
 
 
 @dataclass(frozen=True)
@@ -135,11 +137,12 @@ class AppState:
         """The scene's name, of a file without its folder."""
         return showable(self.scene.name.replace("\\", "/").rstrip("/").rpartition("/")[2])
 
-    def say(self, text: str, kind: Literal["info", "error"] = "info") -> None:
-        """Show a message for a while; the same message again only stays longer."""
+    def say(self, text: str, kind: Literal["info", "error"] = "info", topic: str = "") -> None:
+        """Show a message for a while, in place of the last one on its topic; the same again only stays longer."""
         text = showable(text)
-        self.toasts = [toast for toast in self.toasts if toast.text != text][-(_MOST_TOASTS - 1):]
-        self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind]))
+        others = [toast for toast in self.toasts if toast.text != text and (not topic or toast.topic != topic)]
+        self.toasts = others[-(_MOST_TOASTS - 1):]
+        self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind], topic))
 
     def drop_old_toasts(self) -> None:
         """Forget messages whose time is over."""

@@ -317,6 +317,14 @@ def test_messages_do_not_pile_up():
     assert len(state.toasts) <= 5 and sum(toast.text == "again" for toast in state.toasts) == 1
 
 
+def test_a_message_takes_the_place_of_the_last_on_its_topic():
+    state = AppState(Settings(), SCENE, Camera())
+    for text, topic in (("Showing normal", "buffer"), ("Orbiting", "camera mode"), ("Saved a.png", ""),
+                        ("Showing albedo", "buffer"), ("Saved b.png", "")):
+        state.say(text, topic=topic)
+    assert [toast.text for toast in state.toasts] == ["Orbiting", "Saved a.png", "Showing albedo", "Saved b.png"]
+
+
 def test_folders_come_first_and_hidden_or_unknown_files_not_at_all(tmp_path):
     for name in ("b.glb", "A.OBJ", "notes.txt", ".hidden.glb"):
         (tmp_path / name).write_bytes(b"12")

@@ -12,7 +12,7 @@ from ssil_viewer.app.panels import file_browser, messages
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.settings import Settings
-from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, click, drag, note_places, turn, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, click, drag, note_places, turn, windows, xdotool
 
 pytestmark = NEEDS_X
 ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
@@ -195,6 +195,36 @@ def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(
     assert messages._what_is_shown(viewer.state).startswith("hall.glb   |   ")
     viewer._show_title()
     assert viewer._window.title == "hall.glb - SSIL Viewer"
+
+
+def test_messages_are_as_wide_as_their_text_and_the_newest_of_a_kind_stays(viewer):
+    for _ in range(3):
+        viewer.actions.step_buffer_forward()
+        turn(viewer, 2)
+    shown = [name for name in windows() if name.startswith("##toast")]
+    assert len(shown) == 1
+    left, top, right, bottom = windows()["##toast0"]
+    em = imgui.get_font_size()
+    assert right - left < 16 * em and bottom - top < 2.5 * em, "one line"
+    viewer.state.toasts.clear()
+    viewer.state.say("word " * 40)
+    turn(viewer, 3)
+    left, top, right, bottom = windows()["##toast0"]
+    assert 25 * em < right - left <= 30 * em and bottom - top > 3 * em
+
+
+@pytest.mark.parametrize("split", [0.6, 0.95])
+def test_messages_leave_the_labels_of_a_and_b_free(viewer, split):
+    viewer.state.split = split
+    viewer.actions.keep_settings()
+    viewer.state.settings = viewer.state.settings.replaced({"bounces": 0, "samples": 5})
+    turn(viewer, 4)
+    shown = windows()
+    assert {"##A", "##B", "##toast0"} <= shown.keys()
+    assert shown["##toast0"][3] <= min(shown["##A"][1], shown["##B"][1])
+    viewer.actions.keep_settings()
+    turn(viewer, 3)
+    assert windows()["##toast0"][3] > shown["##B"][1], "down again"
 
 
 def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):
