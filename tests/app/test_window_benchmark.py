@@ -6,7 +6,9 @@ import json
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import benchmark as panel
 from ssil_viewer.errors import UserError
@@ -47,6 +49,16 @@ def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path)
     files = {path.suffix: path for path in tmp_path.iterdir()}
     assert files.keys() == {".json", ".csv", ".md"}
     assert len(json.loads(files[".json"].read_text())["rows"]) == 12
+
+
+def test_the_text_on_its_bar_can_be_read(viewer):
+    def luminance(name):
+        color = imgui.get_style().color_(getattr(imgui.Col_, name))
+        return np.array([color.x, color.y, color.z]) ** 2.2 @ (0.2126, 0.7152, 0.0722)
+
+    text, done, rest = (luminance(name) for name in ("text", "plot_histogram", "frame_bg"))
+    assert (text + 0.05) / (done + 0.05) > 4.5, "WCAG 2, contrast of text"
+    assert done > 1.5 * rest, "how far it is can be told"
 
 
 def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):
