@@ -202,7 +202,7 @@ class Actions(CameraActions, LightActions):
 
     def redo(self) -> None:
         """Make the change again that was taken back last."""
-        self._go_to(self.history.forward(self._snapshot()), "Done again", "do again")
+        self._go_to(self.history.forward(self._snapshot()), "Redone", "redo")
 
     def note_changes(self, busy: bool) -> None:
         """Remember what can be undone. Call it once a turn; `busy`: a change goes on, such as the drag of a slider."""

@@ -150,14 +150,16 @@ class Gui:
         self._item("Direct only", "show_direct", show == "direct")
         self._item("Indirect only", "show_indirect", show == "indirect")
         self._item("Glossy indirect only", "show_glossy", show == "glossy")
+        self._item("Auto exposure", "meter_exposure")
         imgui.separator()
         self._item("Frame scene", "frame_scene")
         self._item("Reset camera", "reset_camera")
         imgui.separator()
         self._item("Settings A and B", "keep_settings", self._state.other is not None)
-        self._item("Next reference", "next_reference", self._state.reference != "off")
-        self._item("Error against it", "toggle_error", self._state.reference_view == "error")
-        self._item("Beside our image", "toggle_split", self._state.split_view)
+        if imgui.begin_menu("Reference"):
+            widgets.close_on_escape()
+            self._reference_menu()
+            imgui.end_menu()
         imgui.separator()
         self._item("Measure this view", "start_benchmark", self._actions.benchmark.running)
         self._item("Timings", "toggle_timings", self._state.timings_visible)
@@ -165,8 +167,18 @@ class Gui:
         self._item("Hide panels", "toggle_panels")
         self._item("Full screen", "toggle_fullscreen")
 
-    def _item(self, text: str, action: str, selected: bool = False) -> None:
-        if imgui.menu_item_simple(text, keys.shortcut(action), selected):
+    def _reference_menu(self) -> None:
+        for name, text in reference.CHOICES.items():
+            if imgui.menu_item_simple(text, "", name == self._state.reference):
+                self._actions.set_reference(name)
+        self._item("Next of these", "next_reference")
+        imgui.separator()
+        on = self._state.reference != "off"
+        self._item("Error in place of the reference", "toggle_error", self._state.reference_view == "error", on)
+        self._item("Our image beside it", "toggle_split", self._state.split_view, on)
+
+    def _item(self, text: str, action: str, selected: bool = False, enabled: bool = True) -> None:
+        if imgui.menu_item_simple(text, keys.shortcut(action), selected, enabled):
             getattr(self._actions, action)()
 
     def _left_panel(self, top: float, bottom: float) -> None:

@@ -111,6 +111,40 @@ def test_escape_closes_menus_and_lists(viewer, places, opens):
     assert not imgui.is_popup_open("", ANY_POPUP)
 
 
+def test_the_menu_says_what_has_an_effect(viewer, monkeypatch):
+    items = {}
+    original = imgui.menu_item_simple
+
+    def noted(text, shortcut="", selected=False, enabled=True):
+        result = original(text, shortcut, selected, enabled)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        items[text] = ((low.x + high.x) / 2, (low.y + high.y) / 2), shortcut, selected, enabled
+        return result
+
+    monkeypatch.setattr(imgui, "menu_item_simple", noted)
+    menus = note_places(monkeypatch, imgui, "begin_menu")
+
+    def open_menu():
+        turn(viewer, 2)
+        click(viewer, menus["View"])
+        xdotool(viewer, "mousemove", *menus["Reference"])
+        turn(viewer, 3)
+
+    open_menu()
+    assert items["Auto exposure"][1] == "M"
+    error, beside = "Error in place of the reference", "Our image beside it"
+    assert items["None"][2] and not items["R1: sum over all pixels"][2]
+    assert not items[error][3] and not items[beside][3]
+    click(viewer, items[error][0])
+    assert viewer.state.reference_view == "image", "no effect, so it cannot be chosen"
+    click(viewer, items["R1: sum over all pixels"][0])
+    assert viewer.state.reference == "R1" and not imgui.is_popup_open("", ANY_POPUP)
+    open_menu()
+    assert items["R1: sum over all pixels"][2] and items[error][1:] == ("V", False, True)
+    click(viewer, items[error][0])
+    assert viewer.state.reference_view == "error"
+
+
 def test_escape_closes_the_help(viewer):
     xdotool(viewer, "key", "F1")
     assert viewer.state.help_open
@@ -130,7 +164,7 @@ def test_a_drag_is_undone_at_once_and_made_again(viewer, places):
     assert viewer.state.settings == viewer._renderer.settings == before
     assert viewer.state.toasts[-1].text == "Undone: samples"
     xdotool(viewer, "key", "ctrl+shift+z")
-    assert viewer.state.settings == after
+    assert viewer.state.settings == after and viewer.state.toasts[-1].text == "Redone: samples"
     xdotool(viewer, "key", "ctrl+z")
     xdotool(viewer, "key", "ctrl+z")
     assert viewer.state.toasts[-1].text == "Nothing to undo"

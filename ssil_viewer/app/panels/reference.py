@@ -12,6 +12,10 @@ from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.reference.gpu_pictures import Scale
 
+CHOICES: dict[ReferenceKind, str] = {"off": "None", "R1": "R1: sum over all pixels",
+                                     "R2": "R2: sum as far as rays see"}
+"""As a menu names them."""
+
 _SCALE_EM = (15.0, 0.9)
 _LABEL_EM = 4.6     # height that the labels take at the bottom
 
