@@ -170,6 +170,18 @@ def test_a_drag_is_undone_at_once_and_made_again(viewer, places):
     assert viewer.state.toasts[-1].text == "Nothing to undo"
 
 
+def test_that_b_was_kept_or_ended_is_taken_back(viewer):
+    before = viewer.state.settings
+    for _ in range(2):      # kept, then ended
+        viewer.actions.keep_settings()
+        turn(viewer, 2)
+    assert viewer.state.other is None
+    for other in (before, None):
+        viewer.actions.undo()
+        turn(viewer, 2)
+        assert viewer.state.other == other and viewer.state.toasts[-1].text == "Undone: settings B"
+
+
 def test_a_lamp_is_taken_back(viewer):
     before = viewer.state.lights
     viewer.state.lights = (*before, before[0])
