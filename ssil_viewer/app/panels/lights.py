@@ -119,7 +119,7 @@ def _edit(light: Light, scene_radius: float) -> Light:
         if changed:
             changes["position"] = place
     if light.kind not in ("point", "sphere"):
-        changes |= _edit_direction(light.direction)
+        changes |= _edit_direction(light)
     if light.kind == "spot":
         changes |= _edit_cone(light)
     if light.is_area:
@@ -131,19 +131,25 @@ def _edit(light: Light, scene_radius: float) -> Light:
     return dataclasses.replace(light, **changes) if changes else light
 
 
-def _edit_direction(direction: tuple[float, float, float]) -> dict[str, Any]:
-    x, y, z = _unit(direction)
+def _edit_direction(light: Light) -> dict[str, Any]:
+    """A sun is told by where it stands, what has a place by where it aims."""
+    is_sun = light.kind == "directional"
+    sign, aim = (-1.0, "") if is_sun else (1.0, "Aim ")
+    x, y, z = (sign * value + 0.0 for value in _unit(light.direction))      # no -0, which atan2 tells from 0
     azimuth, elevation = math.atan2(x, z), math.asin(min(max(y, -1.0), 1.0))
-    widgets.label("Azimuth", "Direction in which the light travels: 0 is +Z, 90 is +X.")
+    widgets.label(f"{aim}azimuth".capitalize(), ("Where the light stands" if is_sun else "Where it shines")
+                  + ": 0 is towards +Z, 90 towards +X.")
     turned, azimuth = imgui.slider_angle("##azimuth", azimuth, -180.0, 180.0)
-    widgets.label("Elevation", "Direction in which the light travels: -90 is straight down.")
+    widgets.label(f"{aim}elevation".capitalize(), "How high the light stands: 0 is the horizon, 90 straight above."
+                  if is_sun else "Where it shines: 0 is level, -90 straight down.")
     tilted, elevation = imgui.slider_angle("##elevation", elevation, -90.0, 90.0)
     if not (turned or tilted):
         return {}
     # At the very pole the azimuth would be lost.
     elevation = min(max(elevation, -_STEEPEST), _STEEPEST)
     flat = math.cos(elevation)
-    return {"direction": _unit((flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)))}
+    place = flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)
+    return {"direction": _unit(_triple([sign * value for value in place]))}
 
 
 def _edit_cone(light: Light) -> dict[str, Any]:
