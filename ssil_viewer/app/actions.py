@@ -375,6 +375,7 @@ class Actions(CameraActions, LightActions):
         self.state.open_scene(scene, outcome.camera)
         self.recent.add(outcome.source)
         self.history.forget()
+        self.benchmark.visible &= self.benchmark.running    # of the old scene; its numbers can still be saved
         if camera is not None:
             self.state.camera.set_camera(camera)
         else:

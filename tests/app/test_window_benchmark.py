@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import benchmark as panel
 from ssil_viewer.errors import UserError
-from tests.app.driving import NEEDS_X, picture, turn, until
+from tests.app.driving import NEEDS_X, picture, turn, until, windows
 
 pytestmark = NEEDS_X
 
@@ -91,6 +91,26 @@ def test_what_happens_meanwhile(viewer, benchmark, scene):
     assert not benchmark.running
     assert viewer._renderer.settings.samples == 5
     assert any("the benchmark ended" in toast.text for toast in viewer.state.toasts)
+
+
+def test_its_table_closes_with_the_scene_and_can_still_be_saved(viewer, benchmark, tmp_path):
+    viewer.actions.start_benchmark()
+    until(viewer, lambda: benchmark.report is not None, 60)
+    benchmark.stop()
+
+    def open_scene():
+        viewer.actions.open_scene("builtin:cornell")
+        until(viewer, lambda: not viewer.state.loading)
+
+    assert benchmark.visible
+    open_scene()
+    turn(viewer, 2)
+    assert not benchmark.visible and "Benchmark" not in windows()
+    viewer.actions.save_benchmark()
+    assert len(list(tmp_path.iterdir())) == 3
+    viewer.actions.start_benchmark()
+    open_scene()
+    assert benchmark.visible, "it ran, and says why it ended"
 
 
 def test_nothing_to_save_is_said(viewer, benchmark, tmp_path):
