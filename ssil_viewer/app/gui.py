@@ -61,6 +61,11 @@ class Gui:
         """Whether a box is open that everything else waits for."""
         return self._browser.is_open
 
+    @property
+    def keys_wait(self) -> bool:
+        """Whether what is typed is for a field that does not have the keyboard yet."""
+        return self._browser.keys_wait
+
     def draw(self) -> None:
         """Between `imgui.new_frame` and `imgui.render`."""
         state = self._state

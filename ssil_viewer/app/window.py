@@ -121,7 +121,7 @@ class Viewer:
         theme.load_font()
         self._style_scale = 0.0
         self._gui_renderer = ImguiRenderer(self._ctx)
-        self._input = ImguiInput(window, window.handle)
+        self._input = ImguiInput(window, window.handle, lambda: self._gui.keys_wait)
         self.actions = Actions(self.state, self._renderer, SceneLoader(load_scene, default_camera), self)
         self._follower = RendererFollower(self.state, self._renderer, self.actions)
         self._gui = Gui(self.state, self.actions, self._renderer)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -56,6 +58,33 @@ def test_what_is_built_in_can_be_typed_at_once(viewer):
     turn(viewer, 3 * len(name))
     xdotool(viewer, "key", "Return")
     assert not viewer._gui.has_modal and viewer.state.scene.environment.name == name
+
+
+def test_what_is_typed_within_the_frame_of_ctrl_o_goes_to_the_box(viewer):
+    """As on a slow machine, where the window hears of all of it at once."""
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    name = "builtin:overcast"
+    subprocess.run(["xdotool", "key", "ctrl+o", "type", "--delay", "5", name], check=True)
+    time.sleep(0.1)
+    viewer.step()
+    assert viewer._gui.has_modal and viewer._gui.keys_wait
+    turn(viewer, 3 * len(name))
+    assert viewer._gui._browser._typed == name and not viewer._gui.keys_wait
+    xdotool(viewer, "key", "Return")
+    assert not viewer._gui.has_modal and viewer.state.scene.environment.name == name
+    assert viewer.state.settings.show == "both", "no key of it did what it does to the picture"
+    xdotool(viewer, "key", "d")
+    assert viewer.state.settings.show == "direct"
+
+
+def test_keys_are_not_kept_for_a_field_that_gets_no_keyboard(viewer, monkeypatch):
+    monkeypatch.setattr(file_browser.imgui, "set_keyboard_focus_here", lambda *offset: None)
+    viewer.actions.browse_scene()
+    assert viewer._gui.keys_wait
+    turn(viewer, 8)
+    assert not viewer._gui.keys_wait
+    xdotool(viewer, "key", "Escape")
+    assert not viewer._gui.has_modal
 
 
 def test_a_button_opens_what_was_typed(viewer, field, tmp_path, monkeypatch):
