@@ -54,7 +54,7 @@ class Actions(CameraActions, LightActions):
         self.history = History()
         self.recent = RecentScenes()
         self.exposure = ExposureChoice(state, renderer, self._note_own_exposure)
-        self._view_after_loading: Camera | None = None
+        self._view_after_loading: tuple[Camera, float] | None = None    # with its `aside`
         self._settings_after_loading: Settings | None = None
         self._lights_after_loading: tuple[Light, ...] | None = None
         # The file browser puts itself here
@@ -271,9 +271,9 @@ class Actions(CameraActions, LightActions):
 
     def reload_scene(self) -> None:
         """Load the scene again, and keep the camera."""
-        camera = self.state.camera.camera()
+        view = self.state.camera.camera(), self.state.camera.aside
         self.open_scene(self.state.scene.name)
-        self._view_after_loading = camera
+        self._view_after_loading = view
 
     def poll_loader(self) -> None:
         """Take over a scene that has been loaded. Call once per frame."""
@@ -346,7 +346,7 @@ class Actions(CameraActions, LightActions):
         if view.scene and view.scene != self.state.scene.name:
             # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
-            self._view_after_loading, self._settings_after_loading = view.camera, view.settings
+            self._view_after_loading, self._settings_after_loading = (view.camera, 0.0), view.settings
             self._lights_after_loading = view.lights
             return
         self.state.settings = view.settings
@@ -362,7 +362,7 @@ class Actions(CameraActions, LightActions):
 
     @shows_errors
     def _take(self, outcome: Loaded) -> None:
-        camera, settings, lights = self._view_after_loading, self._settings_after_loading, self._lights_after_loading
+        view, settings, lights = self._view_after_loading, self._settings_after_loading, self._lights_after_loading
         self._view_after_loading = self._settings_after_loading = self._lights_after_loading = None
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
@@ -376,14 +376,14 @@ class Actions(CameraActions, LightActions):
         self.recent.add(outcome.source)
         self.history.forget()
         self.benchmark.visible &= self.benchmark.running    # of the old scene; its numbers can still be saved
-        if camera is not None:
-            self.state.camera.set_camera(camera)
+        if view is not None:
+            self.state.camera.set_camera(*view)
         else:
             self.reset_camera()
         if settings is not None:
             self.state.settings = settings
             self._take_over_rest(lights)
-        elif camera is None:
+        elif view is None:
             self.exposure.light_changed()
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"

@@ -50,6 +50,7 @@ class CameraControl:
         speed: Metres per second when flying.
         scene_radius: Half the diagonal of the scene's box, metres; scales speeds and limits.
         viewpoints: Saved cameras by the digit of their key.
+        asides: `aside` of those that were saved here.
         jumped: True after a cut to another view, until somebody clears it: histories are void then.
     """
 
@@ -65,6 +66,7 @@ class CameraControl:
     speed: float = 1.0
     scene_radius: float = 5.0
     viewpoints: dict[int, Camera] = dataclasses.field(default_factory=dict)
+    asides: dict[int, float] = dataclasses.field(default_factory=dict)
     jumped: bool = True
 
     @property
@@ -92,12 +94,12 @@ class CameraControl:
         return Camera("", _triple(self.eye), _triple(self.target), _triple(self.screen_up),
                       self.vertical_fov, self.near)
 
-    def set_camera(self, camera: Camera) -> None:
-        """Jump to a camera of the scene, of the command line, or a saved one."""
+    def set_camera(self, camera: Camera, aside: float = 0.0) -> None:
+        """Jump to a camera of the scene, of the command line, or a saved one, with the `aside` that it had here."""
         self.eye = np.array(camera.eye, dtype=np.float64)
         self.vertical_fov, self.near = camera.vertical_fov, camera.near
         self._aim(np.array(camera.target, dtype=np.float64), np.array(camera.up, dtype=np.float64))
-        self.jumped = True
+        self.aside, self.jumped = aside, True
 
     def step_aside(self, low: np.ndarray, high: np.ndarray, aspect: float, covered: float) -> None:
         """Turn until the target stands in the middle of what a panel leaves free; it is the pivot from then on.
@@ -211,13 +213,13 @@ class CameraControl:
 
     def save_viewpoint(self, digit: int) -> None:
         """Remember the present view under a digit."""
-        self.viewpoints[digit] = self.camera()
+        self.viewpoints[digit], self.asides[digit] = self.camera(), self.aside
 
     def recall_viewpoint(self, digit: int) -> bool:
         """Go to a saved view; False when there is none under that digit."""
         if digit not in self.viewpoints:
             return False
-        self.set_camera(self.viewpoints[digit])
+        self.set_camera(self.viewpoints[digit], self.asides.get(digit, 0.0))
         return True
 
     def _stand_at(self, pivot: np.ndarray, distance: float) -> None:

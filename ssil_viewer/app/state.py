@@ -129,7 +129,7 @@ class AppState:
         self.motion = LightMotion()
         self.bounds = scene.bounds()
         self.camera.set_scene_size(*self.bounds)
-        self.camera.viewpoints = dict(enumerate(scene.cameras[:9], start=1))
+        self.camera.viewpoints, self.camera.asides = dict(enumerate(scene.cameras[:9], start=1)), {}
         self.camera.set_camera(camera)
 
     @property

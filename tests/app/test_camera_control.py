@@ -212,6 +212,10 @@ def test_wheel_and_drag_keep_the_pivot_where_it_is_in_the_picture():
     for move in (lambda: it.wheel(3), lambda: it.rotate(0.2, 0.3), lambda: it.wheel(-2)):
         move()
         assert it.pivot == pytest.approx(pivot) and places(it, pivot, 1.5) == pytest.approx(place)
+    it.save_viewpoint(3)
+    it.pan(0.3, 0.1)
+    it.recall_viewpoint(3)
+    assert it.pivot == pytest.approx(pivot)
     it.focus(np.array([0.5, 0.0, 0.0]))
     assert it.pivot == pytest.approx((0.5, 0, 0)) and it.aside == 0, "what was double-clicked is in the middle"
 

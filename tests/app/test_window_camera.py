@@ -9,6 +9,7 @@ import pytest
 
 from ssil_viewer import cli
 from ssil_viewer.app import window as app_window
+from ssil_viewer.app.camera_control import camera_flags
 from ssil_viewer.app.window import Viewer, run_window
 from ssil_viewer.scene import default_camera
 from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, picture, turn, until, xdotool
@@ -40,6 +41,9 @@ def test_a_scene_opens_beside_the_panel_and_home_is_there(viewer):
     xdotool(viewer, "mousemove", *IMAGE_POINT)
     xdotool(viewer, "key", "Home")
     assert camera.camera() == opened
+    xdotool(viewer, "key", "ctrl+r")
+    until(viewer, lambda: not state.loading)
+    assert camera_flags(camera.camera()) == camera_flags(opened) and camera.pivot == pytest.approx(state.home.target)
     xdotool(viewer, "key", "1")
     assert camera.camera() == replace(state.scene.cameras[0], name=""), "as in the file"
     xdotool(viewer, "key", "Tab")
