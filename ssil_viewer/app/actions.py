@@ -54,7 +54,7 @@ class Actions(CameraActions, LightActions):
         self.history = History()
         self.recent = RecentScenes()
         self.exposure = ExposureChoice(state, renderer, self._note_own_exposure)
-        self._view_after_loading: Camera | None = None
+        self._view_after_loading: tuple[Camera, float] | None = None    # with its `aside`
         self._settings_after_loading: Settings | None = None
         self._lights_after_loading: tuple[Light, ...] | None = None
         # The file browser puts itself here
@@ -182,14 +182,14 @@ class Actions(CameraActions, LightActions):
     def use_preset(self, name: str) -> None:
         """Settings of a shipped preset; those that only concern the display stay."""
         self.state.settings = load_preset(name, Settings().replaced(of_display(self.state.settings)))
-        self.state.say(f"Preset {name}")
+        self.state.say(f"Preset {name}", topic="settings")
 
     @shows_errors
     def load_settings(self, path: Path) -> None:
         """Settings of a file, over the defaults; the scene keeps an exposure that the user has not chosen."""
         unchosen = self.exposure.unchosen
         self.state.settings = load_settings(path, None if unchosen is None else Settings(exposure=unchosen))
-        self.state.say(f"Settings of {path}")
+        self.state.say(f"Settings of {path}", topic="settings")
 
     @shows_errors
     def save_settings(self) -> None:
@@ -202,7 +202,7 @@ class Actions(CameraActions, LightActions):
 
     def redo(self) -> None:
         """Make the change again that was taken back last."""
-        self._go_to(self.history.forward(self._snapshot()), "Done again", "do again")
+        self._go_to(self.history.forward(self._snapshot()), "Redone", "redo")
 
     def note_changes(self, busy: bool) -> None:
         """Remember what can be undone. Call it once a turn; `busy`: a change goes on, such as the drag of a slider."""
@@ -218,10 +218,10 @@ class Actions(CameraActions, LightActions):
 
     def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
         if snapshot is None:
-            self.state.say(f"Nothing to {verb}")
+            self.state.say(f"Nothing to {verb}", topic="undo")
             return
         state, now = self.state, self._snapshot()
-        state.say(f"{done}: {difference(now, snapshot)}")
+        state.say(f"{done}: {difference(now, snapshot)}", topic="undo")
         state.settings, state.other = snapshot.settings, snapshot.other
         self.exposure.came_back(snapshot.own_exposure)
         if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
@@ -271,9 +271,9 @@ class Actions(CameraActions, LightActions):
 
     def reload_scene(self) -> None:
         """Load the scene again, and keep the camera."""
-        camera = self.state.camera.camera()
+        view = self.state.camera.camera(), self.state.camera.aside
         self.open_scene(self.state.scene.name)
-        self._view_after_loading = camera
+        self._view_after_loading = view
 
     def poll_loader(self) -> None:
         """Take over a scene that has been loaded. Call once per frame."""
@@ -328,7 +328,7 @@ class Actions(CameraActions, LightActions):
         at = names.index(self.state.buffer) if self.state.buffer in names else 0
         self.state.buffer = names[(at + step) % len(names)]
         self.state.level = self._level_in_range(self.state.level)
-        self.state.say(f"Showing {self.state.buffer or 'the image'}")
+        self.state.say(f"Showing {self.state.buffer or 'the image'}", topic="buffer")
 
     def _step_level(self, step: int) -> None:
         self.state.level = self._level_in_range(self.state.level + step)
@@ -346,7 +346,7 @@ class Actions(CameraActions, LightActions):
         if view.scene and view.scene != self.state.scene.name:
             # They mean nothing without their scene, which may be gone.
             self.open_scene(view.scene)
-            self._view_after_loading, self._settings_after_loading = view.camera, view.settings
+            self._view_after_loading, self._settings_after_loading = (view.camera, 0.0), view.settings
             self._lights_after_loading = view.lights
             return
         self.state.settings = view.settings
@@ -362,7 +362,7 @@ class Actions(CameraActions, LightActions):
 
     @shows_errors
     def _take(self, outcome: Loaded) -> None:
-        camera, settings, lights = self._view_after_loading, self._settings_after_loading, self._lights_after_loading
+        view, settings, lights = self._view_after_loading, self._settings_after_loading, self._lights_after_loading
         self._view_after_loading = self._settings_after_loading = self._lights_after_loading = None
         if outcome.scene is None or outcome.camera is None:
             raise UserError(outcome.error)
@@ -375,12 +375,15 @@ class Actions(CameraActions, LightActions):
         self.state.open_scene(scene, outcome.camera)
         self.recent.add(outcome.source)
         self.history.forget()
-        if camera is not None:
-            self.state.camera.set_camera(camera)
+        self.benchmark.visible &= self.benchmark.running    # of the old scene; its numbers can still be saved
+        if view is not None:
+            self.state.camera.set_camera(*view)
+        else:
+            self.reset_camera()
         if settings is not None:
             self.state.settings = settings
             self._take_over_rest(lights)
-        elif camera is None:
+        elif view is None:
             self.exposure.light_changed()
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"

@@ -11,7 +11,6 @@ from ssil_viewer.errors import UserError
 from ssil_viewer.gpu.glsl import ShaderError
 from ssil_viewer.pipeline import Renderer
 
-_LEAST_FREE = 0.4       # share of the width in which a scene is framed, however wide the panel
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
@@ -50,27 +49,31 @@ class CameraActions:
         """Change between orbiting and flying."""
         camera = self.state.camera
         camera.mode = "fly" if camera.mode == "orbit" else "orbit"
-        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting")
+        self.state.say("Flying: W A S D Q E, drag to look" if camera.mode == "fly" else "Orbiting",
+                       topic="camera mode")
 
     def frame_scene(self) -> None:
         """Show the whole scene from the present direction, beside the panel."""
         width, height = self._renderer.size
-        free = max(1.0 - 2.0 * self.state.covered, _LEAST_FREE)     # in the middle, as the camera turns about it
-        self.state.camera.frame(*self.state.bounds, aspect=free * width / height)
+        self.state.camera.frame(*self.state.bounds, width / height, self.state.covered)
 
     def reset_camera(self) -> None:
-        """Back to the camera that the scene was opened with."""
-        self.state.camera.set_camera(self.state.home)
+        """Back to the camera that the scene was opened with; beside the panel, unless the user had given it."""
+        state = self.state
+        state.camera.set_camera(state.home)
+        if not state.home_is_given:
+            width, height = self._renderer.size
+            state.camera.step_aside(*state.bounds, width / height, state.covered)
 
     def save_viewpoint(self, digit: int) -> None:
         """Remember the view under a digit."""
         self.state.camera.save_viewpoint(digit)
-        self.state.say(f"Viewpoint {digit} saved")
+        self.state.say(f"Viewpoint {digit} saved", topic="viewpoint")
 
     def recall_viewpoint(self, digit: int) -> None:
         """Go to the view of a digit."""
         if not self.state.camera.recall_viewpoint(digit):
-            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one")
+            self.state.say(f"Viewpoint {digit} is empty: Ctrl+{digit} saves one", topic="viewpoint")
 
     @shows_errors
     def focus_pixel(self, u: float, v: float) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Literal
+from typing import Callable, Literal
 
 import numpy as np
 
@@ -24,6 +24,8 @@ _FAST = 4.0                     # factor of the shift key
 _MOST_STEPS = 100.0             # a broken wheel must not overflow
 _SPEED_SHARE = 0.2              # default speed per second as a share of the scene's radius
 _LONGEST_STEP = 0.5             # s; a stall (loading, a dialog) must not throw the camera out of the scene
+_LEAST_FREE = 0.4               # share of the width in which a scene is framed, however wide the panel
+_MOST_TURN = math.tan(math.radians(30.0))   # of the heading, to bring something beside the panel
 _ROLL_TOLERANCE = 1e-3          # cosine; a camera tilted sideways less than this turns about the world's Y
 
 
@@ -35,18 +37,20 @@ class CameraControl:
     `right` vector, so that looking straight down is nothing special.
 
     Attributes:
-        mode: "orbit" turns about `target`, "fly" about the eye.
+        mode: "orbit" turns about `pivot`, "fly" about the eye.
         eye: (3,) float64, world space.
         right: (3,) unit vector to the right, perpendicular to `axis`.
         axis: (3,) unit vector about which the heading turns: world +Y, or the camera's own up vector
             where it is rolled.
         pitch: Radians above the plane perpendicular to `axis`, -pi/2 to pi/2.
         distance: Metres from the eye to the target.
+        aside: How far right of the target the pivot is, over the distance: a panel covers the left of the picture.
         vertical_fov: Radians.
         near: As in Camera, until the user moves the camera: it was chosen for one view.
         speed: Metres per second when flying.
         scene_radius: Half the diagonal of the scene's box, metres; scales speeds and limits.
         viewpoints: Saved cameras by the digit of their key.
+        asides: `aside` of those that were saved here.
         jumped: True after a cut to another view, until somebody clears it: histories are void then.
     """
 
@@ -56,11 +60,13 @@ class CameraControl:
     axis: np.ndarray = dataclasses.field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     pitch: float = 0.0
     distance: float = 5.0
+    aside: float = 0.0
     vertical_fov: float = math.pi / 3
     near: float | None = None
     speed: float = 1.0
     scene_radius: float = 5.0
     viewpoints: dict[int, Camera] = dataclasses.field(default_factory=dict)
+    asides: dict[int, float] = dataclasses.field(default_factory=dict)
     jumped: bool = True
 
     @property
@@ -75,19 +81,45 @@ class CameraControl:
 
     @property
     def target(self) -> np.ndarray:
-        """(3,) the point looked at, which orbiting keeps in place."""
+        """(3,) the point looked at, in the middle of the picture."""
         return self.eye + self.distance * self.forward
+
+    @property
+    def pivot(self) -> np.ndarray:
+        """(3,) the point that orbiting keeps in place: the target, but beside a panel."""
+        return self.target + self.distance * self.aside * self.right
 
     def camera(self) -> Camera:
         """The camera of this frame."""
         return Camera("", _triple(self.eye), _triple(self.target), _triple(self.screen_up),
                       self.vertical_fov, self.near)
 
-    def set_camera(self, camera: Camera) -> None:
-        """Jump to a camera of the scene, of the command line, or a saved one."""
+    def set_camera(self, camera: Camera, aside: float = 0.0) -> None:
+        """Jump to a camera of the scene, of the command line, or a saved one, with the `aside` that it had here."""
         self.eye = np.array(camera.eye, dtype=np.float64)
         self.vertical_fov, self.near = camera.vertical_fov, camera.near
         self._aim(np.array(camera.target, dtype=np.float64), np.array(camera.up, dtype=np.float64))
+        self.aside, self.jumped = aside, True
+
+    def step_aside(self, low: np.ndarray, high: np.ndarray, aspect: float, covered: float) -> None:
+        """Turn until the target stands in the middle of what a panel leaves free; it is the pivot from then on.
+
+        From outside of the scene, also step back where its box would be cut off more than before.
+
+        Args:
+            low, high: Corners of the scene's box, world space.
+            aspect: Width over height of the image.
+            covered: Share of its width that lies behind the panel, from the left.
+        """
+        if not covered > 0.0:
+            return
+        reach = _reach_of_box(low, high, self.target)
+        before = self._distance_for(reach, aspect, 0.0) / self.distance
+        self._turn_aside(self.target, aspect, covered)
+        if np.any((self.eye < low) | (self.eye > high)):
+            now = self._distance_for(reach, aspect, covered) / self.distance
+            self._stand_at(self.pivot, self.distance * max(now / max(before, 1.0), 1.0))
+        self.near = None
         self.jumped = True
 
     def set_scene_size(self, low: np.ndarray, high: np.ndarray) -> None:
@@ -96,15 +128,15 @@ class CameraControl:
         self.speed = _SPEED_SHARE * self.scene_radius
 
     def rotate(self, dx: float, dy: float) -> None:
-        """Turn about the target (orbit) or about the eye (fly).
+        """Turn about the pivot (orbit) or about the eye (fly).
 
         Args:
             dx, dy: Movement of the mouse to the right and down, in window heights.
         """
-        target = self.target
+        pivot = self.pivot
         self.look(dx, dy)
         if self.mode == "orbit":
-            self.eye = target - self.distance * self.forward
+            self._stand_at(pivot, self.distance)
 
     def look(self, dx: float, dy: float) -> None:
         """Turn about the eye in either mode; arguments as in `rotate`."""
@@ -127,11 +159,9 @@ class CameraControl:
             limits = 1e-4 * self.scene_radius, 10.0 * self.scene_radius
             self.speed = min(max(self.speed * _SPEED_PER_STEP ** steps, limits[0]), limits[1])
             return
-        target = self.target
         limits = 1e-4 * self.scene_radius, 100.0 * self.scene_radius
-        self.distance = min(max(self.distance * _ZOOM_PER_STEP ** steps, limits[0]), limits[1])
+        self._stand_at(self.pivot, min(max(self.distance * _ZOOM_PER_STEP ** steps, limits[0]), limits[1]))
         self.near = None
-        self.eye = target - self.distance * self.forward
 
     def fly(self, right: float, up: float, forward: float, seconds: float, fast: bool = False) -> None:
         """Move by held keys.
@@ -166,32 +196,68 @@ class CameraControl:
         ray = self.forward + (2 * u - 1) * aspect * tangent * self.right + (1 - 2 * v) * tangent * self.screen_up
         return self.eye + view_depth * ray
 
-    def frame(self, low: np.ndarray, high: np.ndarray, aspect: float) -> None:
-        """Step back along the view direction until a box fits into the image.
+    def frame(self, low: np.ndarray, high: np.ndarray, aspect: float, covered: float = 0.0) -> None:
+        """Step back from the middle of a box until it fits into the image, as far as a panel leaves that free.
 
         Args:
-            low, high: Corners of the box, world space.
-            aspect: Width over height of the image.
+            low, high, aspect, covered: As of `step_aside`.
         """
-        radius = max(0.5 * float(np.linalg.norm(high - low)), 1e-6)
-        half = math.atan(math.tan(self.vertical_fov / 2) * min(aspect, 1.0))
-        self.distance = radius / math.sin(half)
-        self.eye = 0.5 * (low + high) - self.distance * self.forward
+        middle, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-6)
+        self.eye = middle - (self.pivot - self.eye)     # seen from the direction of now
+        self._turn_aside(middle, aspect, covered)
+        # A ball, so that orbiting does not cut it off
+        distance = self._distance_for(lambda normal: radius * float(np.linalg.norm(normal)), aspect, covered)
+        self._stand_at(middle, distance)
         self.near = None
         self.jumped = True
 
     def save_viewpoint(self, digit: int) -> None:
         """Remember the present view under a digit."""
-        self.viewpoints[digit] = self.camera()
+        self.viewpoints[digit], self.asides[digit] = self.camera(), self.aside
 
     def recall_viewpoint(self, digit: int) -> bool:
         """Go to a saved view; False when there is none under that digit."""
         if digit not in self.viewpoints:
             return False
-        self.set_camera(self.viewpoints[digit])
+        self.set_camera(self.viewpoints[digit], self.asides.get(digit, 0.0))
         return True
 
+    def _stand_at(self, pivot: np.ndarray, distance: float) -> None:
+        """Bring the eye to where the pivot is there, at a distance along the view direction."""
+        self.distance = distance
+        self.eye = pivot - distance * (self.forward + self.aside * self.right)
+
+    def _turn_aside(self, pivot: np.ndarray, aspect: float, covered: float) -> None:
+        """Turn about the eye until a point stands in the middle of what a panel leaves free; less far where it is
+        steeply above or below, as the picture would turn about itself."""
+        towards = _unit(pivot - self.eye)
+        rise = float(towards @ self.axis)
+        level = math.sqrt(max(1.0 - rise * rise, 0.0))
+        slope = aspect * math.tan(self.vertical_fov / 2)
+        self.aside = min(covered * slope, _MOST_TURN * level / math.hypot(1.0, _MOST_TURN * rise))
+        self.pitch = math.asin(min(max(rise * math.hypot(1.0, self.aside), -1.0), 1.0))
+        if level > 1e-9:
+            ahead = _unit(towards - rise * self.axis)
+            angle = math.atan2(self.aside, math.cos(self.pitch))
+            self.right = math.cos(angle) * np.cross(ahead, self.axis) + math.sin(angle) * ahead
+        self.distance = float((pivot - self.eye) @ self.forward)
+
+    def _distance_for(self, reach: Callable[[np.ndarray], float], aspect: float, covered: float) -> float:
+        """The least distance along the view direction at which something about the pivot fits into the free part.
+
+        Args:
+            reach: How far it goes from the pivot, times the length of a normal in world space, along that.
+        """
+        slope, upright = aspect * math.tan(self.vertical_fov / 2), math.tan(self.vertical_fov / 2)
+        left = max((1.0 - 2.0 * covered) * slope, _LEAST_FREE * slope - self.aside)
+        found = 0.0
+        for x, y, z in ((1.0, 0.0, -slope), (-1.0, 0.0, -left), (0.0, 1.0, -upright), (0.0, -1.0, -upright)):
+            normal = x * self.right + y * self.screen_up + z * self.forward
+            found = max(found, reach(normal) / -(x * self.aside + z))
+        return found
+
     def _aim(self, target: np.ndarray, up: np.ndarray) -> None:
+        self.aside = 0.0
         offset = target - self.eye
         length = float(np.linalg.norm(offset))
         forward = offset / length if length > 0.0 else self.forward
@@ -205,6 +271,11 @@ class CameraControl:
         self.axis = world_up if level else _unit(up)
         self.right = _unit(right - (right @ self.axis) * self.axis)
         self.pitch = math.asin(min(max(float(forward @ self.axis), -1.0), 1.0))
+
+
+def _reach_of_box(low: np.ndarray, high: np.ndarray, point: np.ndarray) -> Callable[[np.ndarray], float]:
+    """How far a box reaches from a point along a normal, times its length."""
+    return lambda normal: float(np.maximum(normal * (low - point), normal * (high - point)).sum())
 
 
 def camera_flags(camera: Camera) -> str:

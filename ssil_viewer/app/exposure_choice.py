@@ -79,17 +79,18 @@ class ExposureChoice:
             return
         if exposure is None:
             if asked:
-                self._state.say("Nothing shines in this picture, so the exposure stays")
+                self._state.say("Nothing shines in this picture, so the exposure stays", topic="exposure")
         elif asked:
             before = self._state.settings.exposure
             self._set(exposure)
-            self._state.say(f"Exposure {exposure:+.1f} EV{', as before' if exposure == before else ''}")
+            self._state.say(f"Exposure {exposure:+.1f} EV{', as before' if exposure == before else ''}",
+                            topic="exposure")
         elif abs(exposure - self._state.settings.exposure) >= FAR_OFF:
             self._on_own(exposure)
             self._set(exposure)
             kind = "dark" if exposure > 0 else "bright"
             self._state.say(f"Exposure {exposure:+.1f} EV, since the scene is very {kind}; a right click on Exposure "
-                            "sets 0")
+                            "sets 0", topic="exposure")
 
     def _set(self, exposure: float) -> None:
         self.own, self._of_picture = exposure, None

@@ -61,6 +61,11 @@ class Gui:
         """Whether a box is open that everything else waits for."""
         return self._browser.is_open
 
+    @property
+    def keys_wait(self) -> bool:
+        """Whether what is typed is for a field that does not have the keyboard yet."""
+        return self._browser.keys_wait
+
     def draw(self) -> None:
         """Between `imgui.new_frame` and `imgui.render`."""
         state = self._state
@@ -79,15 +84,15 @@ class Gui:
             messages.draw_status(state, self._renderer.size, self._renderer.capabilities.software, self._work())
         free = self._panel_width() if state.panels_visible else 0.0
         state.covered = free / max(display.x, 1.0)
-        reference.draw_overlay(state, self._actions.reference, free, top, bottom)
-        other_settings.draw_overlay(state, self._actions.other, free, top, bottom)
+        labels = min(reference.draw_overlay(state, self._actions.reference, free, top, bottom),
+                     other_settings.draw_overlay(state, self._actions.other, free, top, bottom))
         messages.draw_work(state, free, top)
         help.draw(state, free)
         help.draw_about(state, self._renderer.capabilities, free)
         messages.draw_shader_error(state)
         benchmark.draw_table(self._actions.benchmark, free, top)
         self._browser.draw()
-        messages.draw_toasts(state, bottom)
+        messages.draw_toasts(state, labels)
         if state.inspector and state.pixel and not imgui.get_io().want_capture_mouse:
             buffers.draw_reading(state.pixel)
 
@@ -150,14 +155,16 @@ class Gui:
         self._item("Direct only", "show_direct", show == "direct")
         self._item("Indirect only", "show_indirect", show == "indirect")
         self._item("Glossy indirect only", "show_glossy", show == "glossy")
+        self._item("Auto exposure", "meter_exposure")
         imgui.separator()
         self._item("Frame scene", "frame_scene")
         self._item("Reset camera", "reset_camera")
         imgui.separator()
         self._item("Settings A and B", "keep_settings", self._state.other is not None)
-        self._item("Next reference", "next_reference", self._state.reference != "off")
-        self._item("Error against it", "toggle_error", self._state.reference_view == "error")
-        self._item("Beside our image", "toggle_split", self._state.split_view)
+        if imgui.begin_menu("Reference"):
+            widgets.close_on_escape()
+            self._reference_menu()
+            imgui.end_menu()
         imgui.separator()
         self._item("Measure this view", "start_benchmark", self._actions.benchmark.running)
         self._item("Timings", "toggle_timings", self._state.timings_visible)
@@ -165,8 +172,18 @@ class Gui:
         self._item("Hide panels", "toggle_panels")
         self._item("Full screen", "toggle_fullscreen")
 
-    def _item(self, text: str, action: str, selected: bool = False) -> None:
-        if imgui.menu_item_simple(text, keys.shortcut(action), selected):
+    def _reference_menu(self) -> None:
+        for name, text in reference.CHOICES.items():
+            if imgui.menu_item_simple(text, "", name == self._state.reference):
+                self._actions.set_reference(name)
+        self._item("Next of these", "next_reference")
+        imgui.separator()
+        on = self._state.reference != "off"
+        self._item("Error in place of the reference", "toggle_error", self._state.reference_view == "error", on)
+        self._item("Our image beside it", "toggle_split", self._state.split_view, on)
+
+    def _item(self, text: str, action: str, selected: bool = False, enabled: bool = True) -> None:
+        if imgui.menu_item_simple(text, keys.shortcut(action), selected, enabled):
             getattr(self._actions, action)()
 
     def _left_panel(self, top: float, bottom: float) -> None:

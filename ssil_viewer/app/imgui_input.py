@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Callable
 
 import glfw
 from imgui_bundle import imgui
@@ -28,10 +28,13 @@ class ImguiInput:
     Args:
         window: A moderngl-window window.
         handle: Its glfw handle, for the clipboard.
+        keys_wait: Whether a text field is about to take the keyboard: imgui would lose what is typed until then.
     """
 
-    def __init__(self, window: Any, handle: Any) -> None:
+    def __init__(self, window: Any, handle: Any, keys_wait: Callable[[], bool] = lambda: False) -> None:
         self._io = imgui.get_io()
+        self._keys_wait = keys_wait
+        self._waiting: list[Callable[[], None]] = []    # keys and text that imgui gets later
         self._released: list[int] = []      # buttons of whose release imgui hears later
         self._window = window
         self._keys = {getattr(window.keys, name): getattr(imgui.Key, imgui_name)
@@ -44,6 +47,10 @@ class ImguiInput:
         """Sizes and time of the frame that starts."""
         if not imgui.get_current_context().input_events_queue:
             self._release()
+        if not self._keys_wait():
+            for send in self._waiting:
+                send()
+            self._waiting.clear()
         width, height = self._window.size
         pixels = self._window.buffer_size
         self._io.display_size = (width, height)
@@ -52,15 +59,24 @@ class ImguiInput:
 
     def key(self, key: Any, down: bool, ctrl: bool, shift: bool, alt: bool) -> None:
         """A key went down or up; the modifiers are those held afterwards."""
-        self._io.add_key_event(imgui.Key.mod_ctrl, ctrl)
-        self._io.add_key_event(imgui.Key.mod_shift, shift)
-        self._io.add_key_event(imgui.Key.mod_alt, alt)
-        if key in self._keys:
-            self._io.add_key_event(self._keys[key], down)
+        def send() -> None:
+            self._io.add_key_event(imgui.Key.mod_ctrl, ctrl)
+            self._io.add_key_event(imgui.Key.mod_shift, shift)
+            self._io.add_key_event(imgui.Key.mod_alt, alt)
+            if key in self._keys:
+                self._io.add_key_event(self._keys[key], down)
+
+        self._send_or_keep(send)
 
     def character(self, text: str) -> None:
         """Text was typed."""
-        self._io.add_input_character(ord(text))
+        self._send_or_keep(lambda: self._io.add_input_character(ord(text)))
+
+    def _send_or_keep(self, send: Callable[[], None]) -> None:
+        if self._waiting or self._keys_wait():
+            self._waiting.append(send)
+        else:
+            send()
 
     def move(self, x: float, y: float) -> None:
         """The cursor is at a place of the window."""

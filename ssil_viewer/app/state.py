@@ -29,11 +29,13 @@ class Toast:
 
     Attributes:
         until: `time.monotonic()` at which it goes.
+        topic: A newer message on the same one takes its place; empty: it stays beside all others.
     """
 
     text: str
     kind: Literal["info", "error"]
     until: float
+    topic: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class AppState:
         settings: What the user wants; the renderer follows at the next frame, or once what they need is there.
         bounds: Corners of the scene's box; see Scene.bounds.
         home: Camera that the scene was opened with.
+        home_is_given: The user asked for just that view, so no panel moves it aside.
         lights: The lights as edited, without their motion.
         preparing: What is made for the next frame or for new settings and takes long, or empty; see `Preparation`.
         buffer: Name of the buffer shown in place of the image, or None.
@@ -84,6 +87,7 @@ class AppState:
     settings: Settings
     scene: Scene
     home: Camera
+    home_is_given: bool = False
     bounds: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(3), np.zeros(3)))
     camera: CameraControl = field(default_factory=CameraControl)
     lights: tuple[Light, ...] = ()
@@ -118,14 +122,14 @@ class AppState:
     toasts: list[Toast] = field(default_factory=list)
     frame_seconds: deque[float] = field(default_factory=lambda: deque(maxlen=_FRAMES_KEPT))
 
-    def open_scene(self, scene: Scene, camera: Camera) -> None:
+    def open_scene(self, scene: Scene, camera: Camera, camera_is_given: bool = False) -> None:
         """Take over a new scene; the camera of the old one would mean nothing in it."""
-        self.scene, self.home = scene, camera
+        self.scene, self.home, self.home_is_given = scene, camera, camera_is_given
         self.lights = scene.lights
         self.motion = LightMotion()
         self.bounds = scene.bounds()
         self.camera.set_scene_size(*self.bounds)
-        self.camera.viewpoints = dict(enumerate(scene.cameras[:9], start=1))
+        self.camera.viewpoints, self.camera.asides = dict(enumerate(scene.cameras[:9], start=1)), {}
         self.camera.set_camera(camera)
 
     @property
@@ -133,11 +137,12 @@ class AppState:
         """The scene's name, of a file without its folder."""
         return showable(self.scene.name.replace("\\", "/").rstrip("/").rpartition("/")[2])
 
-    def say(self, text: str, kind: Literal["info", "error"] = "info") -> None:
-        """Show a message for a while; the same message again only stays longer."""
+    def say(self, text: str, kind: Literal["info", "error"] = "info", topic: str = "") -> None:
+        """Show a message for a while, in place of the last one on its topic; the same again only stays longer."""
         text = showable(text)
-        self.toasts = [toast for toast in self.toasts if toast.text != text][-(_MOST_TOASTS - 1):]
-        self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind]))
+        others = [toast for toast in self.toasts if toast.text != text and (not topic or toast.topic != topic)]
+        self.toasts = others[-(_MOST_TOASTS - 1):]
+        self.toasts.append(Toast(text, kind, time.monotonic() + _TOAST_SECONDS[kind], topic))
 
     def drop_old_toasts(self) -> None:
         """Forget messages whose time is over."""

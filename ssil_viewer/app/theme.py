@@ -24,6 +24,7 @@ _COLORS = {
     "button": (0.20, 0.22, 0.25, 1.0), "button_hovered": (0.27, 0.30, 0.34, 1.0),
     "button_active": (0.32, 0.36, 0.41, 1.0),
     "slider_grab": (0.36, 0.41, 0.48, 1.0), "slider_grab_active": (0.60, 0.44, 0.20, 1.0), "check_mark": (*ACCENT,),
+    "plot_histogram": (0.45, 0.31, 0.13, 1.0),      # how far something is, below text
     "title_bg": (0.11, 0.12, 0.135, 1.0), "title_bg_active": (0.14, 0.155, 0.18, 1.0),
     "separator": (0.23, 0.24, 0.26, 1.0), "table_header_bg": (0.14, 0.15, 0.17, 1.0),
     "table_border_light": (0.19, 0.20, 0.22, 1.0), "table_border_strong": (0.23, 0.24, 0.26, 1.0),

@@ -1,4 +1,4 @@
-"""Changes of settings, lights and environment that can be taken back."""
+"""Changes of settings, B among them, lights and environment that can be taken back."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     Args:
         scene: Shown first; others can be opened in the window.
         size: Of the window.
-        camera: First view; None takes the scene's default camera.
+        camera: First view; None takes the scene's default camera, with what it looks at beside the panel.
         frames: Close by itself after so many frames; None waits for the user.
         vsync: Wait for the monitor.
         reference: What the picture is compared with.
@@ -74,7 +74,7 @@ def run_window(scene: Scene, settings: Settings = Settings(), size: tuple[int, i
     """
     window = open_window(TITLE, size, vsync)
     try:
-        viewer = Viewer(window, scene, settings, camera or default_camera(scene), vsync, image_scale, panel_scale)
+        viewer = Viewer(window, scene, settings, camera, vsync, image_scale, panel_scale)
         viewer.state.other = other
         if recent is not None:
             viewer.actions.recent = recent
@@ -105,14 +105,14 @@ class Viewer:
         frames: Frames drawn so far.
     """
 
-    def __init__(self, window: GlfwWindow, scene: Scene, settings: Settings, camera: Camera, vsync: bool,
+    def __init__(self, window: GlfwWindow, scene: Scene, settings: Settings, camera: Camera | None, vsync: bool,
                  image_scale: float = 1.0, panel_scale: float = 1.0) -> None:
         self._window = window
         self._ctx = window.ctx
         self.frames = 0
-        self.state = AppState(settings, scene, camera, ui_scale=panel_scale, render_scale=image_scale,
-                              vsync=vsync)
-        self.state.open_scene(scene, camera)
+        first = camera or default_camera(scene)
+        self.state = AppState(settings, scene, first, ui_scale=panel_scale, render_scale=image_scale, vsync=vsync)
+        self.state.open_scene(scene, first, camera is not None)
         self._screen = self._ctx.screen
         self._renderer = Renderer(self._ctx, self._render_size(), settings)
         self._renderer.set_scene(scene)
@@ -121,7 +121,7 @@ class Viewer:
         theme.load_font()
         self._style_scale = 0.0
         self._gui_renderer = ImguiRenderer(self._ctx)
-        self._input = ImguiInput(window, window.handle)
+        self._input = ImguiInput(window, window.handle, lambda: self._gui.keys_wait)
         self.actions = Actions(self.state, self._renderer, SceneLoader(load_scene, default_camera), self)
         self._follower = RendererFollower(self.state, self._renderer, self.actions)
         self._gui = Gui(self.state, self.actions, self._renderer)
@@ -135,6 +135,7 @@ class Viewer:
         self._last_click = (-1.0, (0.0, 0.0))
         self._last_reading = 0.0
         self._rendered = False
+        self._panel_is_known = False    # how much of the picture it covers
         self._light_watch = LightWatch(self.state, self._renderer)
         self._save_window = False
         self._clock = time.perf_counter()
@@ -150,6 +151,9 @@ class Viewer:
         seconds, self._clock = now - self._clock, now
         self._advance(seconds)
         self._draw_gui(seconds)
+        if not self._panel_is_known:
+            self._panel_is_known = True
+            self.actions.reset_camera()
         reference, follower = self.actions.reference, self._follower
         measuring = self.actions.benchmark.advance()    # then the renderer has settings of its own
         follower.begin_turn()

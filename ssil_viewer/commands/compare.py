@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Callable
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ssil_viewer.reference.compare import Comparison
 
 FRAMES = 16
+_LINE_INTERVAL = 5.0    # s between two lines of how far something is, where there is no terminal
 USAGE = "[SCENE] [flags]"
 EPILOG = f"""\
 references:
@@ -132,17 +134,23 @@ def run(args: argparse.Namespace) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Shows what is being done on a terminal; elsewhere a line on standard error for each thing."""
+    """Shows what is being done on a terminal; elsewhere a line on standard error for each thing, and more while it
+    takes long."""
     if sys.stderr is None:
         yield lambda what, share: None
         return
     if not sys.stderr.isatty():
-        said: set[str] = set()
+        said: dict[str, float] = {}     # when it was spoken of last
 
         def say(what: str, share: float) -> None:
+            now = time.monotonic()
             if what not in said:
-                said.add(what)
                 print(f"{what} ...", file=sys.stderr, flush=True)
+            elif share < 1.0 and now - said[what] > _LINE_INTERVAL:
+                print(f"{what} ... {100 * share:.0f} %", file=sys.stderr, flush=True)
+            else:
+                return
+            said[what] = now
         yield say
         return
     from rich.console import Console

@@ -132,10 +132,11 @@ def print_tables(heading: list[str], tables: list[Table], notes: list[str], to_s
     from rich.table import Table as RichTable
 
     console = Console(stderr=to_stderr)
-    if not console.is_terminal:
-        console = Console(stderr=to_stderr, width=_PIPE_WIDTH)     # a file has no edge to wrap at
+    in_file = not console.is_terminal
+    if in_file:
+        console = Console(stderr=to_stderr, width=_PIPE_WIDTH)     # of tables; a file has no edge to wrap text at
     for line in heading:
-        console.print(line, markup=False, highlight=False)
+        console.print(line, markup=False, highlight=False, soft_wrap=in_file)
     for table in tables:
         # On a line of its own: a title within the table would be broken to the table's width
         console.print()
@@ -148,10 +149,10 @@ def print_tables(heading: list[str], tables: list[Table], notes: list[str], to_s
             shown.add_row(*map(escape, row))
         console.print(shown)
         if table.note:
-            console.print(table.note, markup=False, highlight=False)
+            console.print(table.note, markup=False, highlight=False, soft_wrap=in_file)
     console.print()
     for note in notes:
-        console.print(note, markup=False, highlight=False)
+        console.print(note, markup=False, highlight=False, soft_wrap=in_file)
 
 
 def _widths(columns: list[tuple[str, ...]], room: int) -> list[int]:

@@ -191,6 +191,12 @@ def camera_of(args: argparse.Namespace, scene: Scene) -> Camera:
     return camera
 
 
+def camera_is_given(args: argparse.Namespace) -> bool:
+    """Whether a picture or a flag says where the camera stands or what it sees."""
+    return args.picture is not None or any(getattr(args, name) is not None
+                                           for name in ("camera", "eye", "target", "up", "fov"))
+
+
 def _check_view(camera: Camera) -> None:
     forward = np.subtract(camera.target, camera.eye)
     distance, height = np.linalg.norm(forward), np.linalg.norm(camera.up)

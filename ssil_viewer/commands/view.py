@@ -55,7 +55,8 @@ def run(args: argparse.Namespace) -> None:
         raise UserError("the window needs a library that is missing", str(error),
                         "on Debian and Ubuntu install libgl1, libx11-6 and libxext6") from error
 
-    run_window(scene=scene, camera=camera, settings=settings, size=args.size, frames=args.frames,
+    run_window(scene=scene, camera=camera if shared.camera_is_given(args) else None, settings=settings,
+               size=args.size, frames=args.frames,
                reference=args.reference or "off", other=other, image_scale=args.image_scale / 100,
                panel_scale=args.panel_scale / 100, auto_exposure=args.auto_exposure,
                # A run of so many frames is a script's

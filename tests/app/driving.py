@@ -85,3 +85,13 @@ def note_places(monkeypatch, owner, name):
 
     monkeypatch.setattr(owner, name, noted)
     return places
+
+
+def windows():
+    """The parts of the interface that were drawn last: name -> (left, top, right, bottom) in window units."""
+    found = {}
+    for window in imgui.get_current_context().windows:
+        if window.active and not window.hidden:
+            box = window.outer_rect_clipped
+            found[window.name] = (box.min.x, box.min.y, box.max.x, box.max.y)
+    return found

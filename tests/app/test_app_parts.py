@@ -162,6 +162,25 @@ def test_new_lights_of_all_kinds_are_equally_bright_where_the_camera_looks(dista
         assert irradiance == pytest.approx(2.0, rel=0.01), kind
 
 
+@pytest.mark.parametrize("kind, direction, shown", [
+    ("directional", (0.0, -math.sin(math.radians(60)), -0.5), (0, 60)), ("directional", (-1.0, 0.0, 0.0), (90, 0)),
+    ("directional", (0.0, -1.0, 0.0), (0, 90)), ("spot", (0.0, -math.sin(math.radians(60)), 0.5), (0, -60))])
+def test_a_sun_is_told_by_where_it_stands_and_a_lamp_by_where_it_aims(monkeypatch, kind, direction, shown):
+    drawn, labels = {}, []
+
+    def slider(name, value, low, high):
+        drawn[name] = math.degrees(value)
+        return True, math.radians({"##azimuth": 90.0, "##elevation": 30.0}[name])
+
+    monkeypatch.setattr(lights_panel, "imgui", SimpleNamespace(slider_angle=slider))
+    monkeypatch.setattr(lights_panel.widgets, "label", lambda text, tooltip: labels.append(text))
+    found = lights_panel._edit_direction(Light(kind, direction=direction))["direction"]
+    assert (drawn["##azimuth"], drawn["##elevation"]) == pytest.approx(shown, abs=1e-6)
+    sign = -1 if kind == "directional" else 1
+    assert found == pytest.approx((sign * math.cos(math.radians(30)), sign * 0.5, 0.0))
+    assert labels == (["Azimuth", "Elevation"] if kind == "directional" else ["Aim azimuth", "Aim elevation"])
+
+
 @pytest.mark.parametrize("path", ["circle", "swing"])
 def test_a_light_moves_about_its_place_and_comes_round(path):
     motion = LightMotion(light=0, path=path, period=4.0, reach=2.0)
@@ -315,6 +334,14 @@ def test_messages_do_not_pile_up():
         state.say(f"message {n}")
         state.say("again")
     assert len(state.toasts) <= 5 and sum(toast.text == "again" for toast in state.toasts) == 1
+
+
+def test_a_message_takes_the_place_of_the_last_on_its_topic():
+    state = AppState(Settings(), SCENE, Camera())
+    for text, topic in (("Showing normal", "buffer"), ("Orbiting", "camera mode"), ("Saved a.png", ""),
+                        ("Showing albedo", "buffer"), ("Saved b.png", "")):
+        state.say(text, topic=topic)
+    assert [toast.text for toast in state.toasts] == ["Orbiting", "Saved a.png", "Showing albedo", "Saved b.png"]
 
 
 def test_folders_come_first_and_hidden_or_unknown_files_not_at_all(tmp_path):

@@ -135,19 +135,89 @@ def test_default_speed_follows_the_size_of_the_scene():
     assert it.speed == pytest.approx(10 * small)
 
 
-@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.4])
-def test_framing_shows_the_whole_box(aspect):
-    it = control(CAMERAS[1])
-    low, high = np.array([-3.0, 0.0, -1.0]), np.array([4.0, 2.0, 9.0])
-    it.frame(low, high, aspect)
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    offsets = corners - it.eye
+def places(it, points, aspect):
+    """(N, 2): where points are in the picture, -1 to 1 rightward and upward; they have to be before the eye."""
+    offsets = np.atleast_2d(points) - it.eye
     depth = offsets @ it.forward
-    tangent = math.tan(it.vertical_fov / 2)
     assert np.all(depth > 0)
-    assert np.all(np.abs(offsets @ it.screen_up) <= tangent * depth)
-    assert np.all(np.abs(offsets @ it.right) <= aspect * tangent * depth)
-    assert it.jumped
+    tangent = math.tan(it.vertical_fov / 2)
+    return np.stack([offsets @ it.right / (aspect * tangent * depth), offsets @ it.screen_up / (tangent * depth)], 1)
+
+
+def corners(low, high):
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+@pytest.mark.parametrize("covered", [0.0, 0.27, 0.48])
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.4])
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_framing_shows_the_whole_box(camera, aspect, covered):
+    it = control(camera)
+    low, high = np.array([-3.0, 0.0, -1.0]), np.array([4.0, 2.0, 9.0])
+    for _ in range(2):      # from where it is then, again
+        it.frame(low, high, aspect, covered)
+        found = places(it, corners(low, high), aspect)
+        middle = places(it, 0.5 * (low + high), aspect)[0]
+        aside = middle[0] / covered if covered else 1.0
+        assert middle[1] == pytest.approx(0, abs=1e-9) and -1e-9 <= aside <= 1 + 1e-9
+        towards = 0.5 * (low + high) - it.eye
+        if abs(towards @ it.axis) < 0.4 * np.linalg.norm(towards):
+            assert aside == pytest.approx(1)
+        # Steeply from above less is moved aside, so there is less room; then not all of a wide panel is kept free
+        assert np.all(found[:, 0] >= (2 * covered - 1 if aside > 0.99 else min(2 * covered - 1, -0.4)) - 1e-9)
+        assert np.all(found[:, 0] <= 1) and np.all(np.abs(found[:, 1]) <= 1)
+        assert it.jumped
+        it.rotate(0.2, 0.05)
+        assert it.pivot == pytest.approx(0.5 * (low + high)), "turns about the scene"
+        it.rotate(-0.2, -0.05)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_stepping_aside_brings_the_target_beside_the_panel(camera):
+    it, aspect, covered = control(camera), 1.5, 0.3
+    before = it.camera()
+    low, high = np.array([-2.0, -0.5, -0.5]), np.array([2.0, 0.5, 0.5])
+    it.step_aside(low, high, aspect, 0.0)
+    assert it.camera() == before, "no panel"
+    it.step_aside(low, high, aspect, covered)
+    away = np.subtract(before.target, before.eye)
+    steep = abs(away @ it.axis) > 0.99 * np.linalg.norm(away)
+    assert it.pivot == pytest.approx(before.target)
+    assert places(it, before.target, aspect)[0] == pytest.approx((0 if steep else covered, 0), abs=1e-9)
+    assert it.right @ it.axis == pytest.approx(0.0, abs=1e-9), "it does not roll"
+    seen_from = it.eye - np.asarray(before.target)
+    assert seen_from / np.linalg.norm(seen_from) == pytest.approx(-away / np.linalg.norm(away))
+    again = control(it.camera())    # copied, or kept as a viewpoint
+    np.testing.assert_allclose(places(again, corners(low, high), aspect), places(it, corners(low, high), aspect))
+
+
+def test_what_is_seen_whole_stays_so_beside_the_panel_and_a_room_is_not_left():
+    low, high = np.array([-2.0, -1.0, -1.0]), np.array([2.0, 1.0, 1.0])
+    whole = control(Camera(eye=(0, 0, 4), target=(0, 0, 0), vertical_fov=0.9))
+    assert np.abs(places(whole, corners(low, high), 1.5)).max() < 1
+    whole.step_aside(low, high, 1.5, 0.4)
+    found = places(whole, corners(low, high), 1.5)[:, 0]
+    assert found.min() >= -0.2 - 1e-9 and found.max() <= 1 + 1e-9
+    assert max(-0.2 - found.min(), found.max() - 1) == pytest.approx(0, abs=1e-9), "and no farther than that takes"
+    inside = control(Camera(eye=(0, 0, 0.9), target=(0, 0, 0)))
+    inside.step_aside(low, high, 1.5, 0.4)
+    assert inside.eye == pytest.approx((0, 0, 0.9))
+
+
+def test_wheel_and_drag_keep_the_pivot_where_it_is_in_the_picture():
+    it = control()
+    it.step_aside(np.full(3, -1.0), np.full(3, 1.0), 1.5, 0.3)
+    place = places(it, it.pivot, 1.5)
+    pivot = it.pivot
+    for move in (lambda: it.wheel(3), lambda: it.rotate(0.2, 0.3), lambda: it.wheel(-2)):
+        move()
+        assert it.pivot == pytest.approx(pivot) and places(it, pivot, 1.5) == pytest.approx(place)
+    it.save_viewpoint(3)
+    it.pan(0.3, 0.1)
+    it.recall_viewpoint(3)
+    assert it.pivot == pytest.approx(pivot)
+    it.focus(np.array([0.5, 0.0, 0.0]))
+    assert it.pivot == pytest.approx((0.5, 0, 0)) and it.aside == 0, "what was double-clicked is in the middle"
 
 
 def test_focusing_turns_to_the_point_and_orbits_it():
@@ -180,7 +250,7 @@ def test_flags_repeat_the_camera():
 @pytest.mark.parametrize("move", [
     lambda c: c.rotate(0.1, 0.0), lambda c: c.pan(0.1, 0.0), lambda c: c.wheel(1.0), lambda c: c.look(0.0, 0.1),
     lambda c: c.fly(0, 0, 1, seconds=0.1), lambda c: c.focus(np.ones(3)),
-    lambda c: c.frame(np.zeros(3), np.ones(3), 1.0)])
+    lambda c: c.frame(np.zeros(3), np.ones(3), 1.0), lambda c: c.step_aside(np.zeros(3), np.ones(3), 1.0, 0.3)])
 def test_the_near_plane_of_a_camera_belongs_to_its_own_view(move):
     camera = Camera(eye=(0, 0, 5), near=2.0)
     moved = control(camera)

@@ -30,6 +30,7 @@ from tests.app.driving import (
     picture,
     turn,
     until,
+    windows,
     xdotool,
 )
 
@@ -45,6 +46,23 @@ def test_a_slider_changes_the_settings_and_a_right_click_resets_them(places, vie
     assert viewer._renderer.settings == viewer.state.settings
     click(viewer, ((left + right) / 2, y), button=3)
     assert viewer.state.settings.samples == Settings().samples
+
+
+def test_a_tooltip_goes_while_its_slider_is_dragged(places, viewer):
+    def shown():
+        return any("Tooltip" in name for name in windows())
+
+    turn(viewer)
+    left, top, right, bottom = places["samples"]
+    xdotool(viewer, "mousemove", round((left + right) / 2), round((top + bottom) / 2))
+    until(viewer, shown)
+    xdotool(viewer, "mousedown", 1)
+    xdotool(viewer, "mousemove_relative", 3, 0)
+    time.sleep(0.5)
+    turn(viewer)
+    assert not shown()
+    xdotool(viewer, "mouseup", 1)
+    until(viewer, shown)
 
 
 def test_a_typed_value_out_of_range_is_refused_with_a_message(places, viewer):

@@ -6,11 +6,13 @@ import json
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from ssil_viewer.app.panels import benchmark as panel
 from ssil_viewer.errors import UserError
-from tests.app.driving import NEEDS_X, picture, turn, until
+from tests.app.driving import NEEDS_X, picture, turn, until, windows
 
 pytestmark = NEEDS_X
 
@@ -49,6 +51,16 @@ def test_it_fills_a_table_and_gives_the_window_back(viewer, benchmark, tmp_path)
     assert len(json.loads(files[".json"].read_text())["rows"]) == 12
 
 
+def test_the_text_on_its_bar_can_be_read(viewer):
+    def luminance(name):
+        color = imgui.get_style().color_(getattr(imgui.Col_, name))
+        return np.array([color.x, color.y, color.z]) ** 2.2 @ (0.2126, 0.7152, 0.0722)
+
+    text, done, rest = (luminance(name) for name in ("text", "plot_histogram", "frame_bg"))
+    assert (text + 0.05) / (done + 0.05) > 4.5, "WCAG 2, contrast of text"
+    assert done > 1.5 * rest, "how far it is can be told"
+
+
 def test_turns_stay_short_and_it_can_be_stopped(viewer, benchmark, monkeypatch):
     drawn = []
     original = panel.draw_table
@@ -79,6 +91,26 @@ def test_what_happens_meanwhile(viewer, benchmark, scene):
     assert not benchmark.running
     assert viewer._renderer.settings.samples == 5
     assert any("the benchmark ended" in toast.text for toast in viewer.state.toasts)
+
+
+def test_its_table_closes_with_the_scene_and_can_still_be_saved(viewer, benchmark, tmp_path):
+    viewer.actions.start_benchmark()
+    until(viewer, lambda: benchmark.report is not None, 60)
+    benchmark.stop()
+
+    def open_scene():
+        viewer.actions.open_scene("builtin:cornell")
+        until(viewer, lambda: not viewer.state.loading)
+
+    assert benchmark.visible
+    open_scene()
+    turn(viewer, 2)
+    assert not benchmark.visible and "Benchmark" not in windows()
+    viewer.actions.save_benchmark()
+    assert len(list(tmp_path.iterdir())) == 3
+    viewer.actions.start_benchmark()
+    open_scene()
+    assert benchmark.visible, "it ran, and says why it ended"
 
 
 def test_nothing_to_save_is_said(viewer, benchmark, tmp_path):

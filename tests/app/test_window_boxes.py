@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,7 @@ from ssil_viewer.app.panels import file_browser, messages
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.settings import Settings
-from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, click, drag, note_places, turn, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, SETTINGS, click, drag, note_places, turn, windows, xdotool
 
 pytestmark = NEEDS_X
 ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
@@ -56,6 +58,33 @@ def test_what_is_built_in_can_be_typed_at_once(viewer):
     turn(viewer, 3 * len(name))
     xdotool(viewer, "key", "Return")
     assert not viewer._gui.has_modal and viewer.state.scene.environment.name == name
+
+
+def test_what_is_typed_within_the_frame_of_ctrl_o_goes_to_the_box(viewer):
+    """As on a slow machine, where the window hears of all of it at once."""
+    xdotool(viewer, "mousemove", *IMAGE_POINT)
+    name = "builtin:overcast"
+    subprocess.run(["xdotool", "key", "ctrl+o", "type", "--delay", "5", name], check=True)
+    time.sleep(0.1)
+    viewer.step()
+    assert viewer._gui.has_modal and viewer._gui.keys_wait
+    turn(viewer, 3 * len(name))
+    assert viewer._gui._browser._typed == name and not viewer._gui.keys_wait
+    xdotool(viewer, "key", "Return")
+    assert not viewer._gui.has_modal and viewer.state.scene.environment.name == name
+    assert viewer.state.settings.show == "both", "no key of it did what it does to the picture"
+    xdotool(viewer, "key", "d")
+    assert viewer.state.settings.show == "direct"
+
+
+def test_keys_are_not_kept_for_a_field_that_gets_no_keyboard(viewer, monkeypatch):
+    monkeypatch.setattr(file_browser.imgui, "set_keyboard_focus_here", lambda *offset: None)
+    viewer.actions.browse_scene()
+    assert viewer._gui.keys_wait
+    turn(viewer, 8)
+    assert not viewer._gui.keys_wait
+    xdotool(viewer, "key", "Escape")
+    assert not viewer._gui.has_modal
 
 
 def test_a_button_opens_what_was_typed(viewer, field, tmp_path, monkeypatch):
@@ -111,6 +140,40 @@ def test_escape_closes_menus_and_lists(viewer, places, opens):
     assert not imgui.is_popup_open("", ANY_POPUP)
 
 
+def test_the_menu_says_what_has_an_effect(viewer, monkeypatch):
+    items = {}
+    original = imgui.menu_item_simple
+
+    def noted(text, shortcut="", selected=False, enabled=True):
+        result = original(text, shortcut, selected, enabled)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        items[text] = ((low.x + high.x) / 2, (low.y + high.y) / 2), shortcut, selected, enabled
+        return result
+
+    monkeypatch.setattr(imgui, "menu_item_simple", noted)
+    menus = note_places(monkeypatch, imgui, "begin_menu")
+
+    def open_menu():
+        turn(viewer, 2)
+        click(viewer, menus["View"])
+        xdotool(viewer, "mousemove", *menus["Reference"])
+        turn(viewer, 3)
+
+    open_menu()
+    assert items["Auto exposure"][1] == "M"
+    error, beside = "Error in place of the reference", "Our image beside it"
+    assert items["None"][2] and not items["R1: sum over all pixels"][2]
+    assert not items[error][3] and not items[beside][3]
+    click(viewer, items[error][0])
+    assert viewer.state.reference_view == "image", "no effect, so it cannot be chosen"
+    click(viewer, items["R1: sum over all pixels"][0])
+    assert viewer.state.reference == "R1" and not imgui.is_popup_open("", ANY_POPUP)
+    open_menu()
+    assert items["R1: sum over all pixels"][2] and items[error][1:] == ("V", False, True)
+    click(viewer, items[error][0])
+    assert viewer.state.reference_view == "error"
+
+
 def test_escape_closes_the_help(viewer):
     xdotool(viewer, "key", "F1")
     assert viewer.state.help_open
@@ -130,10 +193,22 @@ def test_a_drag_is_undone_at_once_and_made_again(viewer, places):
     assert viewer.state.settings == viewer._renderer.settings == before
     assert viewer.state.toasts[-1].text == "Undone: samples"
     xdotool(viewer, "key", "ctrl+shift+z")
-    assert viewer.state.settings == after
+    assert viewer.state.settings == after and viewer.state.toasts[-1].text == "Redone: samples"
     xdotool(viewer, "key", "ctrl+z")
     xdotool(viewer, "key", "ctrl+z")
     assert viewer.state.toasts[-1].text == "Nothing to undo"
+
+
+def test_that_b_was_kept_or_ended_is_taken_back(viewer):
+    before = viewer.state.settings
+    for _ in range(2):      # kept, then ended
+        viewer.actions.keep_settings()
+        turn(viewer, 2)
+    assert viewer.state.other is None
+    for other in (before, None):
+        viewer.actions.undo()
+        turn(viewer, 2)
+        assert viewer.state.other == other and viewer.state.toasts[-1].text == "Undone: settings B"
 
 
 def test_a_lamp_is_taken_back(viewer):
@@ -197,14 +272,34 @@ def test_the_title_and_the_line_at_the_bottom_name_the_scene_without_its_folder(
     assert viewer._window.title == "hall.glb - SSIL Viewer"
 
 
-def test_framing_keeps_the_scene_beside_the_panel(viewer):
-    turn(viewer)
-    viewer.actions.frame_scene()
-    beside = viewer.state.camera.distance
-    viewer.actions.toggle_panels()
-    turn(viewer)
-    viewer.actions.frame_scene()
-    assert viewer.state.camera.distance < 0.9 * beside
+def test_messages_are_as_wide_as_their_text_and_the_newest_of_a_kind_stays(viewer):
+    for _ in range(3):
+        viewer.actions.step_buffer_forward()
+        turn(viewer, 2)
+    shown = [name for name in windows() if name.startswith("##toast")]
+    assert len(shown) == 1
+    left, top, right, bottom = windows()["##toast0"]
+    em = imgui.get_font_size()
+    assert right - left < 16 * em and bottom - top < 2.5 * em, "one line"
+    viewer.state.toasts.clear()
+    viewer.state.say("word " * 40)
+    turn(viewer, 3)
+    left, top, right, bottom = windows()["##toast0"]
+    assert 25 * em < right - left <= 30 * em and bottom - top > 3 * em
+
+
+@pytest.mark.parametrize("split", [0.6, 0.95])
+def test_messages_leave_the_labels_of_a_and_b_free(viewer, split):
+    viewer.state.split = split
+    viewer.actions.keep_settings()
+    viewer.state.settings = viewer.state.settings.replaced({"bounces": 0, "samples": 5})
+    turn(viewer, 4)
+    shown = windows()
+    assert {"##A", "##B", "##toast0"} <= shown.keys()
+    assert shown["##toast0"][3] <= min(shown["##A"][1], shown["##B"][1])
+    viewer.actions.keep_settings()
+    turn(viewer, 3)
+    assert windows()["##toast0"][3] > shown["##B"][1], "down again"
 
 
 def test_a_smaller_image_is_smooth_and_a_buffer_shows_its_texels(viewer):

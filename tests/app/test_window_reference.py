@@ -15,7 +15,7 @@ from ssil_viewer.reference.all_pixels import irradiance, read_surfaces
 from ssil_viewer.reference.gpu_pictures import SIGNED
 from ssil_viewer.reference.metrics import agreement, block_means
 from ssil_viewer.scene import load_scene
-from tests.app.driving import IMAGE_POINT, NEEDS_X, drag, turn, until, xdotool
+from tests.app.driving import IMAGE_POINT, NEEDS_X, drag, turn, until, windows, xdotool
 
 pytestmark = NEEDS_X
 
@@ -159,6 +159,17 @@ def test_colours_of_the_error(small, reference, tmp_path):
     turn(small, 2)
     blocky = found.read()
     assert (blocky[0:8, 0:8] == blocky[0, 0]).all() or not visible[0:8, 0:8].all()
+
+
+def test_messages_leave_labels_and_scale_free(small):
+    small.state.panels_visible = False
+    small.state.reference_view = "error"
+    small.actions.set_reference("R1")
+    turn(small, 4)
+    small.state.say("something else")
+    turn(small, 3)
+    places = windows()
+    assert places["##toast0"][3] <= min(places[name][1] for name in ("##ours", "##theirs", "##scale"))
 
 
 def test_r2_sorts_the_triangles_beside_and_sees_less(small, reference):

@@ -198,6 +198,13 @@ def test_in_a_terminal_renderer_and_clock_stand_once_ahead_of_short_titles(capsy
     assert [lines.count(table.title) for table in shown] == [1, 1]
 
 
+def test_lines_in_a_file_are_not_broken(capsys):
+    heading, note = ("renderer " * 40).strip(), ("a sentence that goes on " * 12).strip()
+    table = tables.Table("Title", ("a", "b"), (("1", "2"),), ("about the table " * 20).strip())
+    measuring.print_tables([heading], [table], [note])
+    assert {heading, note, table.note} <= set(capsys.readouterr().out.splitlines())
+
+
 def test_the_rows_of_a_frame_on_software_fit_into_a_hundred_columns():
     bench = report()
     bench["rows"] = [{**bench["rows"][0], "start_level": 2, "samples": 256, "visibility": "horizon",

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from ssil_viewer import __version__, cli, output
-from ssil_viewer.commands import render, shared, values
+from ssil_viewer.commands import compare, render, shared, values
 from ssil_viewer.commands.parser import Parser
 from ssil_viewer.errors import UserError
 from ssil_viewer.scene.model import Camera, Scene
@@ -350,3 +350,14 @@ def test_public_names_resolve():
         assert getattr(ssil_viewer, name) is not None
     with pytest.raises(AttributeError):
         ssil_viewer.no_such_name  # noqa: B018
+
+
+def test_compare_says_without_a_terminal_how_far_it_is(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(compare.time, "monotonic", lambda: now[0])
+    with compare._progress() as heard:
+        for at, what, share in ((0, "R1", 0.1), (3, "R1", 0.2), (6, "R1", 0.3), (9, "R1", 0.4), (12, "R1", 0.5),
+                                (13, "R3", 0.0), (20, "R3", 1.0)):
+            now[0] = at
+            heard(what, share)
+    assert capsys.readouterr().err.splitlines() == ["R1 ...", "R1 ... 30 %", "R1 ... 50 %", "R3 ..."]

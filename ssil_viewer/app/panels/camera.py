@@ -53,7 +53,7 @@ def _numbers(state: AppState) -> None:
     speed = 0.002 * control.scene_radius
     widgets.label("Eye", "World space, metres.")
     moved, eye = widgets.vector("eye", camera.eye, speed)
-    widgets.label("Target", "The point looked at, and orbited about.")
+    widgets.label("Target", "The point in the middle of the picture.")
     aimed, target = widgets.vector("target", camera.target, speed)
     widgets.label("Field of view", "Vertical, full angle.")
     zoomed, degrees = imgui.slider_float("##fov", math.degrees(camera.vertical_fov), 5.0, 150.0, "%.1f deg",

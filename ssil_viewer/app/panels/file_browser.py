@@ -14,6 +14,7 @@ from ssil_viewer.app.panels import widgets
 from ssil_viewer.resources import BUILTIN_PREFIX
 from ssil_viewer.text import showable
 
+_PATIENCE = 5      # frames in which the field has to have the keyboard, unless something else has taken it
 _TITLE = "Open a scene, environment (.hdr, .exr), settings or lights (.toml), or saved picture (.png)"
 # What the program opens; the box shows everything when asked.
 _SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".3mf", ".dae", ".hdr", ".exr", ".toml", ".png")
@@ -33,6 +34,9 @@ class FileBrowser:
 
     Args:
         choose: Called with the file that was chosen.
+
+    Attributes:
+        is_open: From `open` on, also before it is drawn.
     """
 
     def __init__(self, choose: Callable[[Path], None]) -> None:
@@ -43,7 +47,13 @@ class FileBrowser:
         self._problem = ""
         self._all_files = False
         self._wanted = False
+        self._patience = 0
         self.is_open = False
+
+    @property
+    def keys_wait(self) -> bool:
+        """Whether the field for the path is about to take the keyboard, and does not have it yet."""
+        return self.is_open and self._patience > 0
 
     def open(self, folder: Path | None = None) -> None:
         """Show the list from the next frame on.
@@ -51,7 +61,8 @@ class FileBrowser:
         Args:
             folder: Where to begin; None, or one that is not there: where it was left.
         """
-        self._wanted = True
+        self._wanted = self.is_open = True
+        self._patience = _PATIENCE
         self._enter(folder if folder is not None and folder.is_dir() else self._folder)
 
     def draw(self) -> None:
@@ -97,6 +108,7 @@ class FileBrowser:
         if imgui.is_window_appearing():
             imgui.set_keyboard_focus_here()
         entered, self._typed = imgui.input_text("##folder", self._typed, imgui.InputTextFlags_.enter_returns_true)
+        self._patience = 0 if imgui.is_item_active() else max(self._patience - 1, 0)
         if entered:
             chosen = self._go_to_typed()
         if self._problem:

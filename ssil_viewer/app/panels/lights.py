@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
 from imgui_bundle import imgui
 
 from ssil_viewer.app.actions import Actions
@@ -60,14 +61,16 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def new_light(kind: LightKind, camera: CameraControl) -> Light:
     """A light that shows in the present view: halfway to what the camera looks at, with this irradiance there."""
-    to_target, size = 0.5 * camera.distance, max(0.2 * camera.distance, _SMALLEST)
+    towards = camera.pivot - camera.eye
+    to_target = 0.5 * float(np.linalg.norm(towards))
+    size = max(0.4 * to_target, _SMALLEST)
     intensity = _NEW_IRRADIANCE * (1.0 if kind == "directional" else to_target ** 2)
     if kind in AREA_KINDS:
         area = size ** 2 if kind == "rectangle" else math.pi * (0.5 * size) ** 2    # as seen from the target
         # As far away as it is here, it sends what a small one would within 6 %
         intensity = _NEW_IRRADIANCE * to_target ** 2 / area
-    place = 0.5 * (camera.eye + camera.target)
-    direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(camera.forward))
+    place = camera.eye + 0.5 * towards
+    direction = _unit((-0.3, -0.9, -0.3) if kind in ("directional", "point") else _triple(towards))
     return Light(kind, f"New {kind}", intensity=float(f"{intensity:.3g}"), position=_triple(place), direction=direction,
                  width=size, height=size, radius=size / 2)
 
@@ -116,7 +119,7 @@ def _edit(light: Light, scene_radius: float) -> Light:
         if changed:
             changes["position"] = place
     if light.kind not in ("point", "sphere"):
-        changes |= _edit_direction(light.direction)
+        changes |= _edit_direction(light)
     if light.kind == "spot":
         changes |= _edit_cone(light)
     if light.is_area:
@@ -128,19 +131,25 @@ def _edit(light: Light, scene_radius: float) -> Light:
     return dataclasses.replace(light, **changes) if changes else light
 
 
-def _edit_direction(direction: tuple[float, float, float]) -> dict[str, Any]:
-    x, y, z = _unit(direction)
+def _edit_direction(light: Light) -> dict[str, Any]:
+    """A sun is told by where it stands, what has a place by where it aims."""
+    is_sun = light.kind == "directional"
+    sign, aim = (-1.0, "") if is_sun else (1.0, "Aim ")
+    x, y, z = (sign * value + 0.0 for value in _unit(light.direction))      # no -0, which atan2 tells from 0
     azimuth, elevation = math.atan2(x, z), math.asin(min(max(y, -1.0), 1.0))
-    widgets.label("Azimuth", "Direction in which the light travels: 0 is +Z, 90 is +X.")
+    widgets.label(f"{aim}azimuth".capitalize(), ("Where the light stands" if is_sun else "Where it shines")
+                  + ": 0 is towards +Z, 90 towards +X.")
     turned, azimuth = imgui.slider_angle("##azimuth", azimuth, -180.0, 180.0)
-    widgets.label("Elevation", "Direction in which the light travels: -90 is straight down.")
+    widgets.label(f"{aim}elevation".capitalize(), "How high the light stands: 0 is the horizon, 90 straight above."
+                  if is_sun else "Where it shines: 0 is level, -90 straight down.")
     tilted, elevation = imgui.slider_angle("##elevation", elevation, -90.0, 90.0)
     if not (turned or tilted):
         return {}
     # At the very pole the azimuth would be lost.
     elevation = min(max(elevation, -_STEEPEST), _STEEPEST)
     flat = math.cos(elevation)
-    return {"direction": _unit((flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)))}
+    place = flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)
+    return {"direction": _unit(_triple([sign * value for value in place]))}
 
 
 def _edit_cone(light: Light) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from imgui_bundle import imgui
@@ -27,7 +28,7 @@ def draw_toasts(state: AppState, bottom: float) -> None:
     display, em = imgui.get_io().display_size, imgui.get_font_size()
     y = bottom - 0.6 * em
     for index, toast in reversed(list(enumerate(state.toasts))):
-        width = min(30.0 * em, 0.9 * display.x)
+        width = _width_of(toast.text, min(30.0 * em, 0.9 * display.x))
         imgui.set_next_window_pos((display.x - 0.6 * em, y), imgui.Cond_.always, (1.0, 1.0))
         imgui.set_next_window_size((width, 0.0))
         imgui.begin(f"##toast{index}", None, _MESSAGE)
@@ -37,6 +38,13 @@ def draw_toasts(state: AppState, bottom: float) -> None:
             imgui.text_wrapped(toast.text)
         y -= imgui.get_window_height() + 0.3 * em
         imgui.end()
+
+
+def _width_of(text: str, most: float) -> float:
+    """What a message needs of the width that it may have; wrapped, no more than its longest line."""
+    padding = 2 * imgui.get_style().window_padding.x
+    # One more, since a line that just fits is broken
+    return math.ceil(min(imgui.calc_text_size(text, False, most - padding).x + padding + 1.0, most))
 
 
 def draw_work(state: AppState, free: float, top: float) -> None:

@@ -47,16 +47,17 @@ def draw(state: AppState, actions: Actions) -> None:
         imgui.end_table()
 
 
-def draw_overlay(state: AppState, other: OtherSettings, left: float, top: float, bottom: float) -> None:
-    """Divider and labels; `left`, `top`, `bottom`: edges of the image that the panels leave free, in window units."""
+def draw_overlay(state: AppState, other: OtherSettings, left: float, top: float, bottom: float) -> float:
+    """Divider and labels; arguments and result as of `reference.draw_overlay`."""
     if not other.shown:
-        return
+        return bottom
     display, em = imgui.get_io().display_size, imgui.get_font_size()
     split.divider(state, top, bottom)
     edge = max(state.split * display.x, left)
     found, times = other.differences(), other.milliseconds
     named = [(widgets.title_of(name), _value(a), _value(b)) for name, a, b in found[:_MOST_NAMED]]
     more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+    free = bottom
     for side, place, pivot in ((0, edge - 0.6 * em, 1.0), (1, edge + 0.6 * em, 0.0)):
         head = "AB"[side]
         if times is not None:
@@ -64,7 +65,8 @@ def draw_overlay(state: AppState, other: OtherSettings, left: float, top: float,
             if side:
                 head += f"   ({times[1] - times[0]:+.1f} ms)"
         lines = [head, *(f"{name}: {values[side]}" for name, *values in named), *more]
-        split.label("AB"[side], "\n".join(lines), (place, bottom - 0.6 * em), (pivot, 1.0))
+        free = min(free, split.label("AB"[side], "\n".join(lines), (place, bottom - 0.6 * em), (pivot, 1.0)))
+    return free
 
 
 def _value(value: Any) -> str:

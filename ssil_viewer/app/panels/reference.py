@@ -12,6 +12,10 @@ from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.reference.gpu_pictures import Scale
 
+CHOICES: dict[ReferenceKind, str] = {"off": "None", "R1": "R1: sum over all pixels",
+                                     "R2": "R2: sum as far as rays see"}
+"""As a menu names them."""
+
 _SCALE_EM = (15.0, 0.9)
 _LABEL_EM = 4.6     # height that the labels take at the bottom
 
@@ -92,31 +96,35 @@ def _number(value: float | None) -> str:
 
 # -- over the image ----------------------------------------------------------------------------------------------------
 
-def draw_overlay(state: AppState, reference: WindowReference, left: float, top: float, bottom: float) -> None:
+def draw_overlay(state: AppState, reference: WindowReference, left: float, top: float, bottom: float) -> float:
     """Divider, labels and scale.
 
     Args:
         left, top, bottom: Edges of the image that the panels leave free, in window units.
+
+    Returns:
+        Above what the messages have to stay, so that nothing of it is covered.
     """
     if not reference.shown:
-        return
+        return bottom
     display, em = imgui.get_io().display_size, imgui.get_font_size()
-    edge = left
+    edge, free = left, bottom
     if state.split_view:
         edge = max(state.split * display.x, left)
         split.divider(state, top, bottom)
-        split.label("ours", "ours", (edge - 0.6 * em, bottom - 0.6 * em), (1.0, 1.0))
+        free = split.label("ours", "ours", (edge - 0.6 * em, bottom - 0.6 * em), (1.0, 1.0))
     name = f"error against {state.reference}" if state.reference_view == "error" else state.reference
     found = reference.numbers
     numbers = f"\nbias {_percent(found.bias)}, relative RMSE {_number(found.relative_rmse)}" if found else ""
     text = f"{name}   {progress_text(reference)}{numbers}"
-    split.label("theirs", text, (edge + 0.6 * em, bottom - 0.6 * em), (0.0, 1.0))
+    free = min(free, split.label("theirs", text, (edge + 0.6 * em, bottom - 0.6 * em), (0.0, 1.0)))
     if state.reference_view == "error":
-        _scale(reference.scale, (display.x - 0.6 * em, bottom - _LABEL_EM * em))
+        free = min(free, _scale(reference.scale, (display.x - 0.6 * em, bottom - _LABEL_EM * em)))
+    return free
 
 
-def _scale(scale: Scale, corner: tuple[float, float]) -> None:
-    """The colours with their numbers; `corner` is its lower right one."""
+def _scale(scale: Scale, corner: tuple[float, float]) -> float:
+    """The colours with their numbers; `corner` is its lower right one. Returns its upper edge."""
     em = imgui.get_font_size()
     width, height = (size * em for size in _SCALE_EM)
     imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
@@ -136,4 +144,6 @@ def _scale(scale: Scale, corner: tuple[float, float]) -> None:
         x = at.x + margin + index * step - imgui.calc_text_size(text).x / 2
         commands.add_text(ImVec2(x, at.y + 1.2 * height), imgui.get_color_u32(imgui.Col_.text), text)
     imgui.dummy((width + 2 * margin, 1.2 * height + em))
+    top = imgui.get_window_pos().y
     imgui.end()
+    return top

@@ -43,7 +43,7 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def draw_menu(actions: Actions) -> None:
     """Entries of the menu "Settings"."""
-    for text, action in (("Undo", "undo"), ("Do again", "redo")):
+    for text, action in (("Undo", "undo"), ("Redo", "redo")):
         if imgui.menu_item_simple(text, keys.shortcut(action)):
             getattr(actions, action)()
     imgui.separator_text("Presets")

@@ -38,16 +38,21 @@ def divider(state: AppState, top: float, bottom: float) -> None:
     imgui.end()
 
 
-def label(name: str, text: str, place: tuple[float, float], pivot: tuple[float, float]) -> None:
+def label(name: str, text: str, place: tuple[float, float], pivot: tuple[float, float]) -> float:
     """Text over the image.
 
     Args:
         place: Window units; it is moved to the left where the text would leave the window.
         pivot: Which point of the label is there, (0, 0) to (1, 1).
+
+    Returns:
+        Its upper edge.
     """
     room = imgui.get_io().display_size.x - imgui.calc_text_size(text).x - 3 * imgui.get_style().window_padding.x
     imgui.set_next_window_pos((place[0] if pivot[0] else min(place[0], room), place[1]), imgui.Cond_.always, pivot)
     imgui.set_next_window_bg_alpha(0.75)
     imgui.begin(f"##{name}", None, OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs)
     imgui.text_unformatted(text)
+    top = imgui.get_window_pos().y
     imgui.end()
+    return top

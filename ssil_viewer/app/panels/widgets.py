@@ -45,8 +45,9 @@ def label(text: str, tooltip: str = "", marked: bool = False) -> bool:
 
 
 def hint(text: str) -> None:
-    """A tooltip of the last item, after a short rest of the mouse."""
-    if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.delay_short):
+    """A tooltip of the last item, after a short rest of the mouse; not over the rows below while the item is in use."""
+    rests = imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.delay_short)
+    if text and rests and not imgui.is_item_active():
         imgui.push_style_var(imgui.StyleVar_.alpha, 1.0)   # of a faint item, too
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(imgui.get_font_size() * _TOOLTIP_EM)
