@@ -52,7 +52,7 @@ uvec2 encode_surface(Surface surface) {
 }
 
 Surface decode_surface(uvec2 bits) {
-    return Surface(uintBitsToFloat(bits.x), decode_snorm10(bits.y), float(bits.y >> 30) * (1.0 / 3.0));
+    return Surface(uintBitsToFloat(bits.x), decode_snorm10(bits.y), float(int(bits.y >> 30)) * (1.0 / 3.0));
 }
 
 // A unit vector as one number that a half float holds exactly, whatever its stored bits are rounded by: 247x247 places of

@@ -44,8 +44,7 @@ Reflection reflection_at(ivec2 px, Surface receiver, float roughness) {
         Surface there = tap_surface(i, at);
         reflections[i] = tap_reflection(i, at);
         weights[i] = taps.weights[i]
-                   * reflection_agreement(reflector, there, reflections[i].roughness, vec2(at - taps.at[0]))
-                   * wholeness(there);
+                   * reflection_agreement(reflector, there, reflections[i].roughness, vec2(at - taps.at[0]));
         apart[i] = apart_in_depth(there, reflections[i], receiver);
     }
     return mean_reflection(reflections, made_up(weights, apart), roughness);
