@@ -97,14 +97,17 @@ vec3 averaged_reflection(ivec2 px, Surface surface, Previous previous, float fra
 #ifdef STILL
     float count = frames;
 #else
+    bool still = frame.still == 1;
     // Where anything moves, a surface may reflect something else than before, also one that stands still in the image, as at
     // the pivot of an orbit: fewer frames, the more so the smoother it is.
-    float count = frame.still == 1 ? frames : min(frames, mix(4.0, 16.0, now.roughness));
-#endif
+    float count = still ? frames : min(frames, mix(4.0, 16.0, now.roughness));
     // The history may be what the texels around have gathered now, give or take twice their spread: with once, its
-    // rare peaks were cut off and the mean fell by 1 %
+    // rare peaks were cut off and the mean fell by 1 %. Where nothing has moved for a while, what differs is noise: where few rows
+    // find a small bright thing close by, most frames would take out what others had found
     vec3 low = now.radiance * max(0.75 - 2.0 * now.spread, 0.0), high = now.radiance * (1.25 + 2.0 * now.spread);
-    return mix(clamp(history, low, high), now.radiance, 1.0 / count);
+    if (!still) history = clamp(history, low, high);
+#endif
+    return mix(history, now.radiance, 1.0 / count);
 }
 #endif
 
