@@ -1,12 +1,12 @@
 // Share of the environment's light that reaches a surface past what the image shows, per colour channel. Directions are
 // taken slice by slice: a slice is a half turn of the plane through the view ray, whose 32 sectors are marked as blocked by the
-// surfaces met while walking along the slice's line on the screen. alpha: share of what a glossy surface reflects of it.
+// surfaces met while walking along the slice's line on the screen. alpha: share of what the surface reflects of that light.
 #include "lib/environment.glsl"
 #include "lib/pi.glsl"
 #include "lib/sampling.glsl"
 
 const int SECTORS = 32;
-const float SECTOR = PI / float(SECTORS);   // of a half turn
+const float SECTOR = PI / float(SECTORS);
 const int GROUP = 4;                // sectors that share a lookup in the map: 22 degrees
 const float BLURRED = 0.6;          // roughness of the map that is looked up, as wide as the gaps between slices
 
@@ -43,8 +43,8 @@ uint sectors_between(float low, float high) {
     return (count >= 32 ? 0xFFFFFFFFu : (1u << uint(count)) - 1u) << uint(first);
 }
 
-// Marks what lies to one side of the point. middle: of the sectors, as an angle from slice.to_camera. sector: their width.
-uint blocked_on(float side, Slice slice, float middle, float sector, vec3 p, vec2 center, float jitter) {
+// Marks what lies to one side of the point.
+uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
     vec2 direction;
     float reach;
     if (!find_line(side, slice, p, center, direction, reach)) return 0u;
@@ -77,7 +77,7 @@ uint blocked_on(float side, Slice slice, float middle, float sector, vec3 p, vec
         before = met;
         before_angle = front_angle;
         if (side < 0.0) span = -span.yx;
-        span = (span - middle) / sector + 0.5 * float(SECTORS);
+        span = (span - slice.turn) / SECTOR + 0.5 * float(SECTORS);
         blocked |= sectors_between(span.x, span.y);
     } while (++i < steps);
     return blocked;
@@ -105,63 +105,7 @@ void add_slice(Slice slice, float normal_length, uint blocked, inout vec3 all, i
 }
 
 #ifdef HAS_SPECULAR
-#include "lib/brdf.glsl"
-#include "lib/luminance.glsl"
-#include "passes/glossy_receiver.glsl"
-
-// Angle from slice.to_camera up to which directions of the slice leave the image: the ray to where its line ends.
-float edge_angle(Slice slice, vec3 p, vec2 center) {
-    vec2 direction;
-    float reach;
-    bool moves = find_line(1.0, slice, p, center, direction, reach);
-    vec2 ray = ray_from_pixel(center + direction * reach, frame.ray_scale * texel, frame.ray_origin);
-    return moves ? acos(clamp(dot(normalize(vec3(ray, -1.0)), slice.to_camera), -1.0, 1.0)) : PI;
-}
-
-// Share of what arrives around the mirror direction, of the lobe that the glossy gather has, too. That direction lies in the slice
-// through the normal, as far beyond it as the camera is before; the sectors fill the cone that holds the lobe. What else is in the
-// lobe is taken to be hidden as what lies in the slice. diffuse: share of the whole hemisphere.
-float share_ahead(Slice slice, vec3 p, vec3 normal, float roughness, vec2 center, float jitter, float diffuse) {
-    mat3 world_rotation = mat3(frame.world_from_view);
-    float facing = dot(normal, slice.to_camera);
-    vec3 sideways = normal - slice.to_camera * facing;
-    float aside = length(sideways);
-    slice.along = aside > 1e-4 ? sideways / aside : slice.across;
-    slice.turn = atan(aside, facing);
-    float exponent = phong_exponent(roughness), cone = acos(lobe_cone_cos(exponent)), mirror = 2.0 * slice.turn;
-    float sector = 2.0 * cone / float(SECTORS);
-    // The other side of the camera is in the cone of few: else one walk does
-    int sides = mirror < cone ? 2 : 1, i = 0;
-    uint blocked = 0u;
-    float side = 1.0;
-    do {
-        blocked |= blocked_on(side, slice, mirror, sector, p, center, jitter);
-        side = -side;
-    } while (++i < sides);
-
-    // Nobody has looked where free directions go that leave the image. What the hemisphere tells is better than nothing
-    float edge = edge_angle(slice, p, center), unseen = specular_occlusion(max(facing, 0.0), diffuse, roughness);
-    float all = 0.0, open = 0.0, angle = mirror - cone + 0.5 * sector;
-    for (int first = 0; first < SECTORS; first += GROUP) {
-        float whole = 0.0, free = 0.0;
-        for (int k = 0; k < GROUP; ++k) {
-            // The integral of lobe times cosine across the slice has the same shape along it
-            float weight = pow(max(cos(angle - mirror), 1e-6), exponent) * max(cos(angle - slice.turn), 0.0);
-            float share = mix(unseen, 1.0, clamp((angle - edge) / sector + 0.5, 0.0, 1.0));
-            whole += weight;
-            free += ((blocked >> uint(first + k)) & 1u) == 0u ? weight * share : 0.0;
-            angle += sector;
-        }
-        float middle = angle - 0.5 * float(GROUP + 1) * sector;
-        vec3 toward = world_rotation * (cos(middle) * slice.to_camera + sin(middle) * slice.along);
-        float radiance = luminance(environment_specular(texture_environment_specular,
-                                   environment_direction(toward, frame.environment_turn), 0.5 * roughness));
-        all += radiance * whole;
-        open += radiance * free;
-    }
-    float ahead = all > 0.0 ? open / all : 1.0;
-    return mix(ahead, diffuse, LEAST_EXPONENT / exponent);
-}
+#include "passes/sky_ahead.glsl"
 #endif
 
 void shade(ivec2 px) {
@@ -177,17 +121,16 @@ void shade(ivec2 px) {
     int i = 0;
     do {
         float normal_length = turn_slice(slice, (float(i) + jitter.x) / (2.0 * float(directions)), surface.normal);
-        uint blocked = blocked_on(1.0, slice, slice.turn, SECTOR, p, center, jitter.y)
-                     | blocked_on(-1.0, slice, slice.turn, SECTOR, p, center, jitter.y);
+        uint blocked = blocked_on(1.0, slice, p, center, jitter.y) | blocked_on(-1.0, slice, p, center, jitter.y);
         add_slice(slice, normal_length, blocked, all, free);
     } while (++i < directions);
     // A channel without any light has no share; it counts as open
     vec3 shares = vec3(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,
                        all.b > 0.0 ? free.b / all.b : 1.0);
-    float ahead = dot(shares, vec3(1.0 / 3.0));
+    float reflected = dot(shares, vec3(1.0 / 3.0));
 #ifdef HAS_SPECULAR
     float roughness = roughness_of(px, surface, p);
-    if (roughness >= 0.0) ahead = share_ahead(slice, p, surface.normal, roughness, center, jitter.y, ahead);
+    if (roughness >= 0.0) reflected = share_ahead(slice, p, surface.normal, roughness, center, jitter, reflected);
 #endif
-    out_sky_noisy = vec4(shares, ahead);
+    out_sky_noisy = vec4(shares, reflected);
 }
