@@ -115,7 +115,7 @@ def seen_at(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("roughness", [0.1, 0.3, 0.5])
 def test_a_floor_does_not_reflect_the_sky_behind_a_wall(make_renderer, stage, roughness):
-    """The integral of lobe and cosine over what is above the edge of an endless wall, which has a closed form across."""
+    """The integral of lobe and cosine over what is above an endless wall, which has a closed form across."""
     wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 0.8, 0), material=1)
     rows, ahead = seen_at(np.arange(3.4, 5.9, 0.2))
     found = share_of_reflection(make_renderer, wall, roughness, stage)[rows, 230:250].mean(1)
@@ -149,7 +149,7 @@ def test_a_wide_lobe_is_hidden_as_the_hemisphere_is(make_renderer, stage):
 
 
 def test_reflections_that_leave_the_image_are_hidden_as_the_hemisphere_is(make_renderer, stage):
-    """A wall of metal that faces the camera reflects what is behind it; who stands in a corner is likely to be in a room."""
+    """A metal wall that faces the camera reflects what is behind it; who stands in a corner may be in a room."""
     wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 50, 0))
     camera = Camera(eye=(0.0, 1.5, 4.0), target=(0.0, 0.5, 0.0), vertical_fov=0.9)
     renderer = render(make_renderer, (FLOOR, wall), constant(1.0, 1.0, 1.0), metal(0.5), stage=stage, camera=camera)
