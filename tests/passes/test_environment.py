@@ -233,7 +233,7 @@ def test_compute_and_fragment_agree_at_any_size_and_level(make_renderer, context
         pytest.skip("compute shaders need OpenGL 4.3")
     images = []
     for stage in ("compute", "fragment"):
-        scene = replace(scenes.cornell(), environment=smooth())
+        scene = replace(scenes.half_metal_cornell(), environment=smooth())
         renderer = make_renderer(scene, size, stage, samples=4, start_level=levels[0], levels=levels[1], temporal=False)
         renderer.render(scenes.CORNELL_CAMERA)
         images.append(renderer.read("direct"))
