@@ -91,6 +91,7 @@ BUFFERS: dict[str, Buffer] = {
     "bounce_3": Buffer(("upsample_3",)),
     "bounce_4": Buffer(("upsample_4",)),
     "sky": Buffer(("sky",), view=REFLECTANCE),
+    "sky_reflection": Buffer(("sky",), (3,), ALPHA, "share of what a surface reflects of the environment that arrives"),
     "glossy_gather": Buffer(("glossy_gather",)),
     "glossy_light": Buffer(("glossy_light",)),
     "reflection": Buffer(("reflection", "reflection_now")),

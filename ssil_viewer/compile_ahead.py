@@ -29,6 +29,7 @@ from ssil_viewer.gpu.screen_program import Variant
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass, ScreenPass
+from ssil_viewer.passes.glossy_gather import GLOSSY, has_glossy
 from ssil_viewer.passes.rays import RAYS, gathers_unseen, traces_rays
 from ssil_viewer.passes.sky import ENVIRONMENT
 from ssil_viewer.scene.environment import Environment
@@ -172,7 +173,8 @@ class Ahead:
 
     def _with_scene(self, runner: PassRunner, lights: LightTable, drawer: SceneDrawer, scene: Scene,
                     settings: Settings) -> None:
-        runner.set_settings(settings_for(runner.passes, scene, settings))
+        glossy = GLOSSY if has_glossy(scene) else frozenset()
+        runner.configure(settings_for(runner.passes, scene, settings), runner.features | glossy)
         small = same_programs_scene(scene)
         gpu_scene, rays, maps = GpuScene(runner.context, small, software=True), None, None
         try:

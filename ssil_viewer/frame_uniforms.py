@@ -52,7 +52,7 @@ class FrameBlock:
     light_count: Int
     history_frames: Int         # longest temporal mean; 0: there is no history
     changed_frames: Float       # the same where the light is far from the mean
-    unmoved: Int                # 1: nothing has moved since the last frame, neither the camera nor anything else
+    unmoved: Int                # frames in a row in which nothing has moved, neither the camera nor anything else
     still: Int                  # 1: nothing has moved for some frames, neither the camera nor anything else
     voxel_view_slice: Int       # slice that the view of one slice shows
 
@@ -144,7 +144,7 @@ def view_from_matrices(clip_from_view: np.ndarray, view_from_world: np.ndarray) 
 def make_frame(view: View, previous: View, size: tuple[int, int], settings: Settings, frame_index: int,
                light_count: int, background: tuple[float, float, float], history: bool, moving: bool = False,
                still: bool = False, camera_alone: bool = False,
-               unmoved: bool = False) -> FrameBlock:
+               unmoved: int = 0) -> FrameBlock:
     """The uniform block of one frame.
 
     Args:
@@ -154,7 +154,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         moving: A light or an object moved since the last frame: the light of many frames ago is another one.
         still: Nothing has moved for some frames, the camera neither: what differs from the last frame is noise.
         camera_alone: Nothing but the camera has moved for some frames.
-        unmoved: Nothing has moved since the last frame.
+        unmoved: So many frames in a row in which nothing has moved since the one before.
     """
     world_from_view = np.linalg.inv(view.view_from_world)
     step = frame_index if settings.temporal else 0
@@ -184,7 +184,7 @@ def make_frame(view: View, previous: View, size: tuple[int, int], settings: Sett
         environment_strength=2.0**settings.environment_strength,
         near=view.near, far=view.far, thickness=settings.thickness, samples=settings.samples, light_count=light_count,
         history_frames=longest if history else 0,
-        changed_frames=min(CHANGED_FRAMES if camera_alone else MOVING_FRAMES, longest), unmoved=int(unmoved),
+        changed_frames=min(CHANGED_FRAMES if camera_alone else MOVING_FRAMES, longest), unmoved=unmoved,
         still=int(still), voxel_view_slice=settings.voxel_view_slice)
 
 

@@ -26,6 +26,7 @@ from ssil_viewer.gpu.timers import PassTimers, Timings
 from ssil_viewer.pass_runner import PassRunner
 from ssil_viewer.passes import FRAME
 from ssil_viewer.passes.base import Pass
+from ssil_viewer.passes.glossy_gather import GLOSSY, has_glossy
 from ssil_viewer.passes.rays import RAYS, corrects_visibility, gathers_unseen, traces_rays, traces_shadows
 from ssil_viewer.passes.sky import ENVIRONMENT
 from ssil_viewer.picture import picture_of
@@ -129,7 +130,8 @@ class Renderer:
                 maps = self._upload(scene.environment)
                 made += [maps] if maps is not None else []
             self._runner.configure(settings, (frozenset() if rays is None else RAYS)
-                                   | (frozenset() if maps is None else ENVIRONMENT))
+                                   | (frozenset() if maps is None else ENVIRONMENT)
+                                   | (GLOSSY if has_glossy(scene) else frozenset()))
         except BaseException:
             for owned in made:
                 owned.release()

@@ -17,7 +17,7 @@ class Stillness:
     Attributes:
         previous: The view of the last frame; None where there is none to go on from.
         light_moves: Light of many frames ago is another one.
-        unmoved: Nothing has moved since the last frame.
+        unmoved: So many frames in a row in which nothing has moved since the one before.
         still: Nothing has moved for some frames: what differs from the last frame is noise.
         camera_alone: Nothing but the camera has, for as many.
     """
@@ -30,7 +30,8 @@ class Stillness:
         """Forget the last frames."""
         self.previous: View | None = None
         self._restless = self._unsure = 0
-        self.light_moves = self.unmoved = self.still = self.camera_alone = False
+        self.unmoved = 0
+        self.light_moves = self.still = self.camera_alone = False
 
     def step(self, view: View, moving: bool, watched: bool, temporal: bool, feeds_back: bool) -> None:
         """A frame comes.
@@ -43,7 +44,7 @@ class Stillness:
         """
         history = temporal and self.previous is not None
         moved = history and (moving or not watched or not same_view(view, self.previous))
-        self.unmoved = history and not moved
+        self.unmoved = self.unmoved + 1 if history and not moved else 0
         self._settling = SETTLING_FRAMES if feeds_back and (moving or not history) else max(self._settling - 1, 0)
         self._restless = RESTLESS_FRAMES if moved else max(self._restless - 1, 0)
         self._unsure = RESTLESS_FRAMES if history and (moving or not watched) else max(self._unsure - 1, 0)

@@ -1,13 +1,13 @@
 // Values whose noise differs in each of 4x4 texels, without it: a cross-bilateral window that sees each of the 16 once.
-// Needs `vec3 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, its rows: 5.
+// Needs `vec4 load_noisy(ivec2 px)`, the read `surface`, and the uniforms `texel` and `window`, its rows: 5.
 #include "lib/bilateral.glsl"
 
-vec3 without_noise(ivec2 px, Surface receiver) {
+vec4 without_noise(ivec2 px, Surface receiver) {
     ivec2 last = size_surface() - 1;
     vec2 scale = frame.ray_scale * texel;
     Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, scale, frame.ray_origin));
     Slant slanted = slant(receiver.normal, px, scale);
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     float total = 0.0;
     int row = 0;
     do {

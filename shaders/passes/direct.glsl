@@ -8,18 +8,19 @@
 #include "lib/bilateral.glsl"
 #include "lib/environment.glsl"
 
-// Share of the environment's light that arrives, from the texel of the starting level around the pixel and the nearest along
-// either axis.
-vec3 sky_share(ivec2 px, Surface receiver) {
+// Share of the environment's light that arrives and, as alpha, of its reflection, from the texel of the starting level around the
+// pixel and the nearest along either axis.
+vec4 sky_share(ivec2 px, Surface receiver) {
     ivec2 last = size_sky() - 1;
     Taps taps = nearest_taps((vec2(px) + 0.5) / start_texel);
     Plane plane = tangent_plane(receiver, ray_from_pixel(vec2(px) + 0.5, frame.ray_scale, frame.ray_origin));
     Slant slanted = slant(receiver.normal, taps.at[0], frame.ray_scale * start_texel);
-    vec3 shares[3], weights, apart;
+    vec4 shares[3];
+    vec3 weights, apart;
     for (int i = 0; i < 3; ++i) {
         ivec2 at = clamp(taps.at[i], ivec2(0), last);
         Surface tap = load_start_surface(at);
-        shares[i] = load_sky(at).rgb;
+        shares[i] = load_sky(at);
         weights[i] = taps.weights[i] * agreement(plane, slanted, tap, vec2(at - taps.at[0]));
         apart[i] = apart_in_depth(tap, receiver);
     }
@@ -105,10 +106,12 @@ void shade(ivec2 px) {
     vec3 normal = environment_direction(n, frame.environment_turn);
     vec3 mirror = environment_direction(reflect(-wo, n), frame.environment_turn);
     // Both the image and the material's occlusion map may know of the same hollow: it darkens once, by the stronger of them
-    vec3 open = min(sky_share(px, surface), vec3(load_albedo(px).a));
+    vec4 shares = sky_share(px, surface);
+    float map = load_albedo(px).a;
+    vec3 open = min(shares.rgb, vec3(map));
     irradiance += environment_irradiance(texture_environment_irradiance, normal) * open * frame.environment_strength;
     float n_dot_v = max(dot(n, wo), 0.0);
-    float open_ahead = specular_occlusion(n_dot_v, dot(open, vec3(1.0 / 3.0)), specular.a);
+    float open_ahead = min(shares.a, specular_occlusion(n_dot_v, map, specular.a));
     highlight += environment_specular(texture_environment_specular, mirror, specular.a)
                * environment_brdf(specular.rgb, specular.a, n_dot_v) * (open_ahead * frame.environment_strength);
 #endif

@@ -1,6 +1,6 @@
 // Share of the environment's light that reaches a surface past what the image shows, per colour channel. Directions are
 // taken slice by slice: a slice is a half turn of the plane through the view ray, whose 32 sectors are marked as blocked by the
-// surfaces met while walking along the slice's line on the screen.
+// surfaces met while walking along the slice's line on the screen. alpha: share of what the surface reflects of that light.
 #include "lib/environment.glsl"
 #include "lib/pi.glsl"
 #include "lib/sampling.glsl"
@@ -104,6 +104,10 @@ void add_slice(Slice slice, float normal_length, uint blocked, inout vec3 all, i
     }
 }
 
+#ifdef HAS_SPECULAR
+#include "passes/sky_ahead.glsl"
+#endif
+
 void shade(ivec2 px) {
     out_sky_noisy = vec4(1.0);
     Surface surface = load_surface(px);
@@ -112,7 +116,7 @@ void shade(ivec2 px) {
     vec3 p = position_from_ray(ray_from_pixel(center, frame.ray_scale * texel, frame.ray_origin), surface.view_depth);
     Slice slice = first_slice(p);
     // Where a mean is taken, frames take turns at the 16, too; where none is, the pattern must not boil
-    vec2 jitter = interleaved_4x4(px + (frame.unmoved == 1 ? ivec2(frame.jitter * 4.0) : ivec2(0)));
+    vec2 jitter = interleaved_4x4(px + (frame.unmoved > 0 ? ivec2(frame.jitter * 4.0) : ivec2(0)));
     vec3 all = vec3(0.0), free = vec3(0.0);
     int i = 0;
     do {
@@ -121,6 +125,12 @@ void shade(ivec2 px) {
         add_slice(slice, normal_length, blocked, all, free);
     } while (++i < directions);
     // A channel without any light has no share; it counts as open
-    out_sky_noisy = vec4(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,
-                         all.b > 0.0 ? free.b / all.b : 1.0, 1.0);
+    vec3 shares = vec3(all.r > 0.0 ? free.r / all.r : 1.0, all.g > 0.0 ? free.g / all.g : 1.0,
+                       all.b > 0.0 ? free.b / all.b : 1.0);
+    float reflected = dot(shares, vec3(1.0 / 3.0));
+#ifdef HAS_SPECULAR
+    float roughness = what_is_kept(px, surface, p).roughness;
+    if (roughness >= 0.0) reflected = share_ahead(slice, p, surface.normal, roughness, center, jitter, reflected);
+#endif
+    out_sky_noisy = vec4(shares, reflected);
 }

@@ -1,6 +1,6 @@
-// The share of the sky without the noise of its slices: a filter over the texels in which they differ and, where nothing has
-// moved since the last frame, a running mean. alpha: frames in it.
-vec3 load_noisy(ivec2 px) { return load_sky_noisy(px).rgb; }
+// The shares of the sky without the noise of their slices: a filter over the texels in which they differ and, where nothing has
+// moved since the last frame, a running mean.
+vec4 load_noisy(ivec2 px) { return load_sky_noisy(px); }
 #include "lib/denoise.glsl"
 
 const float LONGEST = 32.0;     // twice the turns that the slices take
@@ -9,14 +9,9 @@ void shade(ivec2 px) {
     out_sky = vec4(1.0);
     Surface receiver = load_surface(px);
     if (receiver.view_depth <= 0.0) return;
-    vec3 share = without_noise(px, receiver);
-    float frames = 1.0;
+    vec4 shares = without_noise(px, receiver);
 #ifdef HAS_SKY_HISTORY
-    if (frame.unmoved == 1) {
-        vec4 mean = load_sky_history(px);
-        frames = min(mean.a + 1.0, LONGEST);
-        share = mix(mean.rgb, share, 1.0 / frames);
-    }
+    if (frame.unmoved > 0) shares = mix(load_sky_history(px), shares, 1.0 / min(float(frame.unmoved) + 1.0, LONGEST));
 #endif
-    out_sky = vec4(share, frames);
+    out_sky = shares;
 }

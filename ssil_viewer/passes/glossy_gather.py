@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 # From here on a dielectric's reflection fades (shaders/passes/gbuffer.frag.glsl), and materials count as diffuse
 _DIFFUSE_ROUGHNESS = 0.8
 
+GLOSSY = frozenset({"glossy"})
+"""The feature of scenes of which anything may reflect."""
+
 # Share of the radius at which a level begins to give way to the next. Measured at 960x540, roughness 0.3: the
 # reflection of uniform light wavers by 4 %; by 15 % with rings that meet sharply
 _FADE = 0.6
@@ -37,6 +40,11 @@ def is_glossy(material: Material) -> bool:
     factors of metalness and roughness."""
     smooth = material.roughness < _DIFFUSE_ROUGHNESS or material.metallic_roughness_texture is not None
     return material.metallic > 0 or (smooth and material.specular > 0 and material.ior != 1.0)
+
+
+def has_glossy(scene: Scene) -> bool:
+    """Whether any material of the scene may reflect."""
+    return any(is_glossy(material) for material in scene.materials)
 
 
 class GlossyGather(ScreenPass):
@@ -63,8 +71,7 @@ class GlossyGather(ScreenPass):
                 "steps": "int"}
 
     def settings_for(self, scene: Scene, settings: Settings) -> Settings:
-        glossy = any(is_glossy(material) for material in scene.materials)
-        return settings if glossy else replace(settings, glossy_samples=0)
+        return settings if has_glossy(scene) else replace(settings, glossy_samples=0)
 
     def enabled(self, settings: Settings) -> bool:
         return uses_glossy(settings)

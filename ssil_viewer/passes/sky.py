@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
+from ssil_viewer.passes.glossy_gather import GLOSSY
 
 if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
@@ -25,19 +26,24 @@ class Sky(ScreenPass):
     requires = ENVIRONMENT
     shader = "passes/sky.glsl"
     reads = {"surface": Read.of("surface"),
-             **{f"surface_{i}": Read.of("surface", offset=i, optional=True) for i in (1, 2, 3)}}
+             **{f"surface_{i}": Read.of("surface", offset=i, optional=True) for i in (1, 2, 3)},
+             "image_surface": Read.of("surface", offset=None, optional=True),
+             "specular": Read.of("specular", offset=None, optional=True)}
     tables = {"environment_specular": "sampler2D"}
     writes = {"sky_noisy": Target("rgba8", "share of the environment's irradiance that arrives, by slices that "
-                                           "differ in each of 4x4 texels", "start")}
+                                           "differ in each of 4x4 texels; alpha: of its reflection", "start")}
     uniforms = {"texel": "float", "coarsest": "int", "directions": "int", "steps": "int", "thickness": "float"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         settings = frame.settings
         coarsest = min(settings.levels - 1, 3)
+        omit = {f"surface_{i}" for i in range(coarsest + 1, 4)}
+        if not frame.has_feature(*GLOSSY):
+            omit |= {"image_surface", "specular"}
         yield Dispatch(settings.start_level, {
             "texel": float(2**settings.start_level), "coarsest": coarsest, "directions": settings.sky_directions,
             "steps": settings.sky_steps, "thickness": settings.sky_thickness,
-        }, omit=frozenset(f"surface_{i}" for i in range(coarsest + 1, 4)))
+        }, omit=frozenset(omit))
 
 
 class SkyFilter(ScreenPass):
@@ -50,7 +56,7 @@ class SkyFilter(ScreenPass):
     reads = {"surface": Read.of("surface"), "sky_noisy": Read.of("sky_noisy"),
              "sky_history": Read.of("sky@previous", optional=True)}
     writes = {"sky": Target("rgba16f", "share of the environment's irradiance that arrives, mean over frames; alpha: "
-                                       "number of frames", "start", history=True)}
+                                       "of its reflection", "start", history=True)}
     uniforms = {"texel": "float", "window": "int"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:

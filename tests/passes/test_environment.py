@@ -87,6 +87,91 @@ def test_before_a_wall_half_the_sky_goes(make_renderer, stage):
     assert share[floor, 200:280].std(1).max() < 0.02, "the slices of neighbours must not show"
 
 
+LEVEL = Camera(eye=(0.0, 1.5, 7.0), target=(0.0, 1.5, 0.0), vertical_fov=0.9)
+BLACK = replace(GREY, base_color=(0.0, 0.0, 0.0, 1.0))
+
+
+def metal(roughness: float) -> Material:
+    return Material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=roughness)
+
+
+def share_of_reflection(make_renderer, wall, roughness, stage) -> np.ndarray:
+    """What a metal floor reflects of an even sky past a wall, over what it reflects without: (H, W)."""
+    found = []
+    for walls in ((wall,), ()):
+        scene = replace(scenes.scene((FLOOR, *walls), (metal(roughness), BLACK)), environment=constant(1.0, 1.0, 1.0))
+        renderer = make_renderer(scene, (480, 270), stage, bounces=0)
+        renderer.render(LEVEL)
+        found.append(renderer.read("direct")[..., 1])
+    return found[0] / np.maximum(found[1], 1e-3)
+
+
+def seen_at(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the image in which LEVEL sees the floor so many metres ahead, and the distances of their middles."""
+    slope = np.tan(LEVEL.vertical_fov / 2) / 135
+    rows = (135 + LEVEL.eye[1] / distances / slope).astype(int)
+    return rows, LEVEL.eye[1] / (slope * (rows + 0.5 - 135))
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.5])
+def test_a_floor_does_not_reflect_the_sky_behind_a_wall(make_renderer, stage, roughness):
+    """The integral of lobe and cosine over what is above an endless wall, which has a closed form across."""
+    wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 0.8, 0), material=1)
+    rows, ahead = seen_at(np.arange(3.4, 5.9, 0.2))
+    found = share_of_reflection(make_renderer, wall, roughness, stage)[rows, 230:250].mean(1)
+    mirror, edge = np.arctan2(1.5, ahead), np.arctan2(0.8, 7.0 - ahead)     # elevations
+    exponent = 0.5 / roughness**4 - 0.5
+    angle = np.linspace(0, np.pi, 20001)[:, None]
+    lobe = np.maximum(np.cos(angle - mirror), 0) ** exponent * np.sin(angle)
+    around = 0.5 + 0.5 * np.cos(edge)       # of the whole hemisphere
+    expected = (lobe * (angle > edge)).sum(0) / lobe.sum(0) * (1 - 1 / exponent) + around / exponent
+    assert expected[0] > 0.95 and expected[-1] < 0.5
+    # The edge of what is mirrored is as sharp as the filter of the starting level, and not moved
+    sharp = np.abs(mirror - edge) > 0.12
+    assert np.allclose(found[sharp], expected[sharp], atol=0.11)
+    assert np.abs(found - expected).mean() < 0.1
+    if roughness < 0.5:
+        assert found[0] > 0.96 and found[-1] < 0.12
+
+
+def test_a_wall_beside_a_mirror_hides_nothing_ahead(make_renderer, stage):
+    """Half of the sky is hidden, but not what the floor mirrors: a reflection knows where it goes."""
+    wall = scenes.rectangle((-2, 0, 6), (0, 0, -10), (0, 8, 0), material=1)
+    shares = share_of_reflection(make_renderer, wall, 0.1, stage)
+    assert shares[seen_at(np.arange(3.5, 6.0, 0.5))[0], 235:245].min() > 0.97
+
+
+def test_a_wide_lobe_is_hidden_as_the_hemisphere_is(make_renderer, stage):
+    wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 2, 0), material=1)
+    rows, ahead = seen_at(np.arange(3.6, 6.0, 0.4))
+    expected = 0.5 + 0.5 * np.cos(np.arctan2(2.0, 7.0 - ahead))
+    assert np.allclose(share_of_reflection(make_renderer, wall, 1.0, stage)[rows, 220:260].mean(1), expected, rtol=0.04)
+
+
+def test_reflections_that_leave_the_image_are_hidden_as_the_hemisphere_is(make_renderer, stage):
+    """A metal wall that faces the camera reflects what is behind it; who stands in a corner may be in a room."""
+    wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 50, 0))
+    camera = Camera(eye=(0.0, 1.5, 4.0), target=(0.0, 0.5, 0.0), vertical_fov=0.9)
+    renderer = render(make_renderer, (FLOOR, wall), constant(1.0, 1.0, 1.0), metal(0.5), stage=stage, camera=camera)
+    open_wall = render(make_renderer, (wall,), constant(1.0, 1.0, 1.0), metal(0.5), stage=stage, camera=camera)
+    shares = renderer.read("direct")[..., 1] / open_wall.read("direct")[..., 1]
+    on_wall = renderer.read("normal")[..., 2] > 0.9
+    assert 0.4 < shares[on_wall].mean() < 0.85
+
+
+def test_nothing_is_looked_for_where_nothing_reflects(make_renderer):
+    """Without glossy materials the pass is what it was, and the reflection's share that of the hemisphere."""
+    wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 2, 0))
+    for material, reads in ((GREY, False), (metal(0.3), True)):
+        renderer = render(make_renderer, (FLOOR, wall), smooth(), material)
+        variant, = (v for v in renderer.runner.variants if v.shader == "passes/sky.glsl")
+        assert ("specular" in dict(variant.reads)) == reads
+        level = renderer.settings.start_level
+        diffuse, reflected = renderer.read("sky", level).mean(-1), renderer.read("sky_reflection", level)
+        assert np.allclose(diffuse, reflected, atol=0.01) != reads
+        assert renderer.target_bytes()["sky"] + renderer.target_bytes()["sky_noisy"] < 1.3 * SIZE[0] * SIZE[1]
+
+
 def test_what_hides_the_bright_side_counts(make_renderer):
     """The sky is dark but for one side: a wall before it takes a third of the light; with the bright side at the
     viewer's back, the same wall takes nothing."""
@@ -148,7 +233,7 @@ def test_compute_and_fragment_agree_at_any_size_and_level(make_renderer, context
         pytest.skip("compute shaders need OpenGL 4.3")
     images = []
     for stage in ("compute", "fragment"):
-        scene = replace(scenes.cornell(), environment=smooth())
+        scene = replace(scenes.half_metal_cornell(), environment=smooth())
         renderer = make_renderer(scene, size, stage, samples=4, start_level=levels[0], levels=levels[1], temporal=False)
         renderer.render(scenes.CORNELL_CAMERA)
         images.append(renderer.read("direct"))

@@ -62,7 +62,9 @@ def test_what_has_not_moved_since_the_last_frame(steps):
     steps(1)
     assert not steps.motion.unmoved, "there is none"
     steps(1)
-    assert steps.motion.unmoved
+    assert steps.motion.unmoved == 1
+    steps(2)
+    assert steps.motion.unmoved == 3
     for change in ({"x": 1.0}, {"moving": True, "x": 1.0}, {"watched": False, "x": 1.0}):
         steps(1, **change)
         assert not steps.motion.unmoved
