@@ -2,6 +2,7 @@
 // FORM_FACTOR: 0 disc, 1 point. SPACING: 0 even in radius, 1 even in area. VISIBILITY: 0 off, 1 voxel, 2 horizon.
 // Needs the uniform `texel`: width of a texel of this level in level-0 pixels.
 #include "lib/pi.glsl"
+#include "lib/on_plane.glsl"
 #if VISIBILITY == 1
 #include "lib/voxels.glsl"
 #ifndef HAS_VOXELS_FAR
@@ -27,22 +28,6 @@ struct Sender {
     float distance_squared;
     float inverse_distance;
 };
-
-// How a surface's tangent plane is met by the view ray through a place.
-struct OnPlane {
-    vec2 ray;
-    float slant;            // dot(normal, vec3(ray, -1))
-    float depth;            // it stays near that of the texel, whose plane may be seen at a grazing angle
-};
-
-// place: in texels; at: the texel around it.
-OnPlane on_plane(Surface surface, ivec2 at, vec2 place, vec2 scale) {
-    vec2 ray = ray_from_pixel(place, scale, frame.ray_origin);
-    vec2 center = ray_from_pixel(vec2(at) + 0.5, scale, frame.ray_origin);
-    float slant = dot(surface.normal, vec3(ray, -1.0)), at_center = dot(surface.normal, vec3(center, -1.0));
-    float moved = min(at_center, -1e-4) / min(slant, -1e-4);
-    return OnPlane(ray, slant, surface.view_depth * clamp(moved, 0.9, 1.1));
-}
 
 Sender sender_at(Receiver receiver, ivec2 at, Surface surface, vec3 position) {
     vec3 offset = position - receiver.position;

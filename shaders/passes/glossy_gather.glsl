@@ -194,11 +194,7 @@ void shade(ivec2 px) {
     Kept kept = what_is_kept(px, surface, receiver.position);
     float roughness = kept.roughness;
     if (roughness < 0.0) return;
-    // The texel's own middle may lie beyond the edge of its surface, from where nothing is mirrored as it should be. Where the
-    // plane is seen nearly edge-on, a part of a texel is a long way
-    OnPlane there = on_plane(surface, px, kept.center, frame.ray_scale * texel);
-    if (abs(there.depth - surface.view_depth) < 0.03 * surface.view_depth)
-        receiver.position = position_from_ray(there.ray, there.depth);
+    receiver.position = kept_position(px, surface, receiver.position, kept);
     Mirror mirror = mirror_of(roughness, receiver.position, receiver.normal);
     Wedge wedge = wedge_of(receiver, mirror);
     vec2 jitter = fract(interleaved_4x4(px) + frame.jitter);

@@ -1,5 +1,6 @@
 // How a texel reflects. Included by the passes that gather reflections. Needs the reads `image_surface` and `specular`, both of
 // level 0, and the uniform `texel`.
+#include "lib/on_plane.glsl"
 #include "lib/phong.glsl"
 
 struct Mirror {
@@ -38,6 +39,14 @@ Kept what_is_kept(ivec2 px, Surface surface, vec3 position) {
         }
     }
     return Kept(total > 1e-4 ? sum / total : -1.0, counted > 0.0 ? places / counted : vec2(px) + 0.5);
+}
+
+// Where the texel reflects from: its own middle may lie beyond the edge of its surface, from where nothing is mirrored as it should
+// be. Where the plane is seen nearly edge-on, a part of a texel is a long way, and the middle must do.
+vec3 kept_position(ivec2 px, Surface surface, vec3 position, Kept kept) {
+    OnPlane there = on_plane(surface, px, kept.center, frame.ray_scale * texel);
+    bool is_near = abs(there.depth - surface.view_depth) < 0.03 * surface.view_depth;
+    return is_near ? position_from_ray(there.ray, there.depth) : position;
 }
 
 Mirror mirror_of(float roughness, vec3 position, vec3 normal) {

@@ -129,8 +129,10 @@ void shade(ivec2 px) {
                        all.b > 0.0 ? free.b / all.b : 1.0);
     float reflected = dot(shares, vec3(1.0 / 3.0));
 #ifdef HAS_SPECULAR
-    float roughness = what_is_kept(px, surface, p).roughness;
-    if (roughness >= 0.0) reflected = share_ahead(slice, p, surface.normal, roughness, center, jitter, reflected);
+    Kept kept = what_is_kept(px, surface, p);
+    p = kept_position(px, surface, p, kept);
+    if (kept.roughness >= 0.0)
+        reflected = share_ahead(slice, p, surface.normal, kept.roughness, kept.center, jitter, reflected);
 #endif
     out_sky_noisy = vec4(shares, reflected);
 }
