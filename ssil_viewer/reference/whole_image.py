@@ -76,19 +76,19 @@ def _heat_map(renderer: Renderer, found: ProgressiveReference, mean: float, scal
     finally:
         pictures.release()
     difference = f"ours - {found.kind}" if scale.signed else f"|ours - {found.kind}|"
-    text = f"{difference}, relative to the mean of {found.kind}, {mean:.4g} W m^-2"
+    text = f"{difference}, relative to the mean of {found.kind}, {mean:.4g}\N{NO-BREAK SPACE}W\N{NO-BREAK SPACE}m^-2"
     if agreement is not None and agreement["bias"] is not None:
         text += f"; bias {agreement['bias']:+.1%}, relative RMSE {agreement['relative_rmse']:.3f}"
     return np.concatenate([picture, legend(picture.shape[1], scale, text)])
 
 
 def legend(width: int, scale: Scale, text: str) -> np.ndarray:
-    """(h, width, 3) uint8: the colours of a scale, their numbers, and a line of text, broken where it does not fit."""
+    """(h, width, 3) uint8: the colours of a scale, their numbers, and a line of text, broken at spaces where it does not fit."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(_TEXT)
     lines = [""]
-    for word in text.split():
+    for word in text.split(" "):     # not at those that hold a number and its unit together
         longer = f"{lines[-1]} {word}".strip()
         if lines[-1] and font.getlength(longer) > width - 2 * _MARGIN:
             lines.append(word)
@@ -102,7 +102,7 @@ def legend(width: int, scale: Scale, text: str) -> np.ndarray:
     made.paste(Image.fromarray(np.tile(np.round(bar * 255).astype(np.uint8), (_BAR, 1, 1))), (inset, _MARGIN))
     draw = ImageDraw.Draw(made)
     for index, value in enumerate(scale.values):
-        number = f"{value:+.0%}" if scale.signed else f"{value:.0%}"
+        number = f"{value:+.0%}" if scale.signed and value else f"{value:.0%}"
         x = inset + index * (width - 2 * inset) / 4
         draw.text((x, _MARGIN + _BAR + 3), number, (230, 232, 235), font, anchor="ma")
     for index, line in enumerate(lines):

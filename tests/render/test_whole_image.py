@@ -81,6 +81,8 @@ def test_the_legend_has_the_scales_colours(scale):
         assert np.abs(bar[column] - stop).max() < 0.03
     assert len(legend(300, scale, "short")) < len(made)
     assert legend(3, scale, "word").shape[1] == 3
+    together = "0.25 W m^-2".replace(" ", "\N{NO-BREAK SPACE}")
+    assert len(legend(60, scale, together)) < len(legend(60, scale, "0.25 W m^-2")), "a number keeps its unit"
 
 
 def test_the_command_writes_the_picture(tmp_path, capsys):
