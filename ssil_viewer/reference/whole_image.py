@@ -83,12 +83,13 @@ def _heat_map(renderer: Renderer, found: ProgressiveReference, mean: float, scal
 
 
 def legend(width: int, scale: Scale, text: str) -> np.ndarray:
-    """(h, width, 3) uint8: the colours of a scale, their numbers, and a line of text, broken at spaces where it does not fit."""
+    """(h, width, 3) uint8: the colours of a scale, their numbers, and text, broken at spaces where it does not fit."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(_TEXT)
     lines = [""]
     for word in text.split(" "):     # not at those that hold a number and its unit together
+        word = word.replace("\N{NO-BREAK SPACE}", " ")      # the font has no picture of it
         longer = f"{lines[-1]} {word}".strip()
         if lines[-1] and font.getlength(longer) > width - 2 * _MARGIN:
             lines.append(word)
