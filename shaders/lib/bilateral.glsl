@@ -74,7 +74,7 @@ float agreement(Plane receiver, Slant slant, Surface tap, vec2 apart) {
 
 // For a tap that gathered for a coarse texel: of its footprint less than all may lie on the surface that it kept, and its middle,
 // where the light was gathered, beyond the edge of that: at the foot of a wall below the floor, which then sends it nothing.
-float wholeness(Surface tap) { return max(tap.whole * tap.whole, 0.03); }
+float wholeness(Surface tap) { return max(tap.whole * (0.4 + 0.6 * tap.whole), 0.01); }
 
 // Sum of the weights below which nobody agrees: thin things whose surface no coarse texel kept. What is missing goes to
 // the neighbour nearest in depth, which is wrong by less than black or a halo would be.
