@@ -1,6 +1,6 @@
 // The finished picture, stretched over a framebuffer. is_smooth: between its texels, too.
 uniform sampler2D picture;
-uniform ivec2 target_size;
+uniform ivec2 target_origin, target_size;
 uniform bool is_smooth;
 out vec4 color;
 
@@ -8,7 +8,7 @@ vec4 texel_at(ivec2 at, ivec2 size) { return texelFetch(picture, clamp(at, ivec2
 
 void main() {
     ivec2 size = textureSize(picture, 0);
-    vec2 place = gl_FragCoord.xy / vec2(target_size) * vec2(size);
+    vec2 place = (gl_FragCoord.xy - vec2(target_origin)) / vec2(target_size) * vec2(size);
     if (!is_smooth || size == target_size) {
         color = texel_at(ivec2(place), size);
         return;

@@ -2,7 +2,8 @@
 // reads was decoded here.
 
 // A visible surface as the pyramid stores it. view_depth: metres along -Z, 0 = background.
-// normal: view space, unit length, facing the camera. whole: how much of the texel's footprint it has: 1, or less on coarse levels.
+// normal: view space, unit length, facing the camera. whole: square of the share of the texel's
+// footprint that it has: 1, or less on coarse levels.
 struct Surface {
     float view_depth;
     vec3 normal;

@@ -42,10 +42,11 @@ Kept what_is_kept(ivec2 px, Surface surface, vec3 position) {
 }
 
 // Where the texel reflects from: its own middle may lie beyond the edge of its surface, from where nothing is mirrored as it should
-// be. Where the plane is seen nearly edge-on, a part of a texel is a long way, and the middle must do.
-vec3 kept_position(ivec2 px, Surface surface, vec3 position, Kept kept) {
+// be. Where the plane is seen nearly edge-on, a part of a texel is a long way, and the middle must do: `kept` has it then.
+vec3 kept_position(ivec2 px, Surface surface, vec3 position, inout Kept kept) {
     OnPlane there = on_plane(surface, px, kept.center, frame.ray_scale * texel);
     bool is_near = abs(there.depth - surface.view_depth) < 0.03 * surface.view_depth;
+    if (!is_near) kept.center = vec2(px) + 0.5;
     return is_near ? position_from_ray(there.ray, there.depth) : position;
 }
 

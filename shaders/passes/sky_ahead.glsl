@@ -12,7 +12,8 @@ struct Sectors {
 };
 
 // Marks what lies to one side of the point, in `count` steps. What is met takes the environment's place, so its light must come from
-// the glossy gather, which brings that of faces that are turned to the point and no mirrors: those reflect more than `mirror`.
+// the glossy gather, which brings that of faces that are within `gather_reach`, turned to the point and no mirrors: those reflect
+// more than `mirror`.
 // Nobody knows the light of what hides behind the faces either: here nothing has a thickness.
 void look_ahead(float side, Slice slice, vec3 p, vec2 center, float jitter, int count, float mirror, inout Sectors sectors) {
     vec2 direction;
@@ -32,7 +33,7 @@ void look_ahead(float side, Slice slice, vec3 p, vec2 center, float jitter, int 
         bool joined = before.view_depth > 0.0 && met.view_depth > 0.0
                    && connected(before, met, (radius - before_radius) * texel_width);
         vec3 reflectance = load_specular(min(ivec2(at * texel), size_specular() - 1)).rgb;
-        bool unsure = dot(met.normal, v) > 0.0 || luminance(reflectance) > mirror;
+        bool unsure = radius > gather_reach || dot(met.normal, v) > 0.0 || luminance(reflectance) > mirror;
 
         // A surface that begins or ends between two steps does so halfway: by so much of the next step or of the last one it
         // reaches farther

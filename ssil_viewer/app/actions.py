@@ -197,7 +197,7 @@ class Actions(CameraActions, LightActions):
         self.state.say(f"Saved {saved_view.save_settings(Path.cwd(), self.state.settings)}")
 
     def undo(self) -> None:
-        """Take the last change of settings, lights or environment back."""
+        """Take the last change of settings, A or B, lights or environment back."""
         self._go_to(self.history.back(self._snapshot()), "Undone", "undo")
 
     def redo(self) -> None:
@@ -214,7 +214,8 @@ class Actions(CameraActions, LightActions):
 
     def _snapshot(self) -> Snapshot:
         state = self.state
-        return Snapshot(state.settings, state.lights, state.scene.environment, state.other, self.exposure.own)
+        return Snapshot(state.settings, state.lights, state.scene.environment, state.other, self.exposure.own,
+                        self.exposure.of_picture)
 
     def _go_to(self, snapshot: Snapshot | None, done: str, verb: str) -> None:
         if snapshot is None:
@@ -223,7 +224,7 @@ class Actions(CameraActions, LightActions):
         state, now = self.state, self._snapshot()
         state.say(f"{done}: {difference(now, snapshot)}", topic="undo")
         state.settings, state.other = snapshot.settings, snapshot.other
-        self.exposure.came_back(snapshot.own_exposure)
+        self.exposure.came_back(snapshot.own_exposure, snapshot.exposure_of_picture)
         if (snapshot.lights, snapshot.environment) != (now.lights, now.environment):
             # Which light moves is told by its place in the list
             state.lights, state.motion = snapshot.lights, LightMotion()
@@ -384,7 +385,7 @@ class Actions(CameraActions, LightActions):
             self.state.settings = settings
             self._take_over_rest(lights)
         elif view is None:
-            self.exposure.light_changed()
+            self.exposure.light_changed(new_scene=True)
         count = len(outcome.scene.warnings)
         self.state.say(f"Opened {outcome.source}"
                        + (f", {count} warning{'s' if count > 1 else ''}: see Scene" if count else ""))

@@ -24,6 +24,7 @@ _FAST = 4.0                     # factor of the shift key
 _MOST_STEPS = 100.0             # a broken wheel must not overflow
 _SPEED_SHARE = 0.2              # default speed per second as a share of the scene's radius
 _LONGEST_STEP = 0.5             # s; a stall (loading, a dialog) must not throw the camera out of the scene
+_MOSTLY_SEEN = 1.5              # a box fits from so many times the distance at the most
 _LEAST_FREE = 0.4               # share of the width in which a scene is framed, however wide the panel
 _MOST_TURN = math.tan(math.radians(30.0))   # of the heading, to bring something beside the panel
 _ROLL_TOLERANCE = 1e-3          # cosine; a camera tilted sideways less than this turns about the world's Y
@@ -104,7 +105,8 @@ class CameraControl:
     def step_aside(self, low: np.ndarray, high: np.ndarray, aspect: float, covered: float) -> None:
         """Turn until the target stands in the middle of what a panel leaves free; it is the pivot from then on.
 
-        From outside of the scene, also step back where its box would be cut off more than before.
+        From outside of the scene, also step back where its box would be cut off more than before; not where most of it
+        is cut off already, as for somebody who walks over a terrain.
 
         Args:
             low, high: Corners of the scene's box, world space.
@@ -116,10 +118,11 @@ class CameraControl:
         reach = _reach_of_box(low, high, self.target)
         before = self._distance_for(reach, aspect, 0.0) / self.distance
         self._turn_aside(self.target, aspect, covered)
-        if np.any((self.eye < low) | (self.eye > high)):
-            now = self._distance_for(reach, aspect, covered) / self.distance
-            self._stand_at(self.pivot, self.distance * max(now / max(before, 1.0), 1.0))
-        self.near = None
+        if before < _MOSTLY_SEEN and np.any((self.eye < low) | (self.eye > high)):
+            back = self._distance_for(reach, aspect, covered) / self.distance / max(before, 1.0)
+            if back > 1.0:
+                self._stand_at(self.pivot, self.distance * back)
+                self.near = None
         self.jumped = True
 
     def set_scene_size(self, low: np.ndarray, high: np.ndarray) -> None:

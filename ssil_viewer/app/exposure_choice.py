@@ -26,12 +26,13 @@ class ExposureChoice:
 
     Attributes:
         own: The exposure that the user has not chosen: set here last, or of a picture; None before `start`.
+        of_picture: It is that of a saved picture.
     """
 
     def __init__(self, state: AppState, renderer: Renderer, on_own: Callable[[float], None]) -> None:
         self._state, self._renderer, self._on_own = state, renderer, on_own
         self.own: float | None = None
-        self._of_picture: float | None = None
+        self.of_picture = False
         self._asked = False                     # by the user
         self._unchecked = False                 # the scene or its light is new
 
@@ -42,7 +43,7 @@ class ExposureChoice:
 
     def picture_opened(self) -> None:
         """The exposure is now that of a saved picture: right for its scene, and nobody's choice for another one."""
-        self.own = self._of_picture = self._state.settings.exposure
+        self.own, self.of_picture = self._state.settings.exposure, True
         self._unchecked = False
 
     @property
@@ -54,17 +55,18 @@ class ExposureChoice:
         """Choose by what the next drawn picture shows."""
         self._asked = True
 
-    def light_changed(self) -> None:
-        """Another scene, or another light in it: look at its first frame, unless the user has chosen an exposure."""
-        if self.unchosen is not None:
+    def light_changed(self, new_scene: bool = False) -> None:
+        """Another scene, or another light in it: look at its first frame, unless the user has chosen an exposure or a
+        picture of this scene has brought it."""
+        if self.unchosen is not None and (new_scene or not self.of_picture):
             self._set(Settings().exposure)
             self._unchecked = True
 
-    def came_back(self, own: float | None) -> None:
-        """Another state is back, of a time at which this was the value of `own`; look at its first frame if it still
-        has that: it may have been left before its own was chosen."""
-        self.own = own
-        self._unchecked = self.unchosen is not None and own != self._of_picture
+    def came_back(self, own: float | None, of_picture: bool) -> None:
+        """Another state is back, of a time at which these were the values of `own` and `of_picture`; look at its first
+        frame if it still has that exposure: it may have been left before its own was chosen."""
+        self.own, self.of_picture = own, of_picture
+        self._unchecked = self.unchosen is not None and not of_picture
 
     def frame_shown(self) -> None:
         """Choose, if there is a reason to. Call it once a turn in which the picture shows what the state says."""
@@ -93,5 +95,5 @@ class ExposureChoice:
                             "sets 0", topic="exposure")
 
     def _set(self, exposure: float) -> None:
-        self.own, self._of_picture = exposure, None
+        self.own, self.of_picture = exposure, False
         self._state.settings = self._state.settings.replaced({"exposure": exposure})

@@ -69,7 +69,7 @@ BINDINGS: tuple[Binding, ...] = (
             "recall_viewpoint", tuple(Chord(key) for key in _DIGITS), digit=True),
     Binding("Ctrl+1 to Ctrl+9", "Save the present view as a viewpoint", "Camera",
             "save_viewpoint", tuple(Chord(key, ctrl=True) for key in _DIGITS), digit=True),
-    Binding("Left drag", "Orbiting: turn about the target. Flying: look around", "Camera"),
+    Binding("Left drag", "Orbiting: turn about the middle beside the panel. Flying: look around", "Camera"),
     Binding("Right drag", "Look around from where the camera stands", "Camera"),
     Binding("Middle drag or Shift+left drag", "Shift the view", "Camera"),
     Binding("Wheel", "Orbiting: nearer and farther. Flying: speed", "Camera"),

@@ -17,7 +17,8 @@ class Snapshot:
     """What a change changes.
 
     Attributes:
-        own_exposure: The exposure that the program chose last, whether or not the settings still have it.
+        own_exposure, exposure_of_picture: `own` and `of_picture` of `ExposureChoice`, whether or not the settings still
+            have that exposure.
     """
 
     settings: Settings
@@ -25,6 +26,7 @@ class Snapshot:
     environment: Environment | None = None
     other: Settings | None = None       # B
     own_exposure: float | None = field(default=None, compare=False)
+    exposure_of_picture: bool = field(default=False, compare=False)
 
 
 class History:
@@ -52,7 +54,7 @@ class History:
         """Count an exposure that nobody asked for as part of the state of now, which is the reason for it."""
         if self._now is not None:
             self._now = replace(self._now, settings=self._now.settings.replaced({"exposure": exposure}),
-                                own_exposure=exposure)
+                                own_exposure=exposure, exposure_of_picture=False)
 
     def back(self, now: Snapshot) -> Snapshot | None:
         """What was before the last change; None where nothing is known."""

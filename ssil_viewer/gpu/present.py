@@ -27,11 +27,12 @@ class Presenter:
         """
         self._context.enable_only(moderngl.NOTHING)
         # Not its `size`: of a window that is the size with which it was opened, for ever
-        width, height = framebuffer.viewport[2:]
+        x, y, width, height = framebuffer.viewport
         left = round(right_of * width)
-        framebuffer.scissor = (left, 0, width - left, height) if left else None
+        framebuffer.scissor = (x + left, y, width - left, height) if left else None
         framebuffer.use()
         picture.use(0)
+        self._program["target_origin"].value = x, y
         self._program["target_size"].value = width, height
         self._program["is_smooth"].value = smooth
         self._array.render(moderngl.TRIANGLES, 3)

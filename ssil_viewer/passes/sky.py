@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Iterable
 
 from ssil_viewer.gpu.targets import Target
 from ssil_viewer.passes.base import Dispatch, Read, ScreenPass
-from ssil_viewer.passes.glossy_gather import GLOSSY
+from ssil_viewer.passes.glossy_gather import GLOSSY, uses_glossy
 
 if TYPE_CHECKING:
     from ssil_viewer.frame import Frame
@@ -32,17 +32,21 @@ class Sky(ScreenPass):
     tables = {"environment_specular": "sampler2D"}
     writes = {"sky_noisy": Target("rgba8", "share of the environment's irradiance that arrives, by slices that "
                                            "differ in each of 4x4 texels; alpha: of its reflection", "start")}
-    uniforms = {"texel": "float", "coarsest": "int", "directions": "int", "steps": "int", "thickness": "float"}
+    uniforms = {"texel": "float", "coarsest": "int", "directions": "int", "steps": "int", "thickness": "float",
+                "gather_reach": "float"}
 
     def dispatches(self, frame: Frame) -> Iterable[Dispatch]:
         settings = frame.settings
+        # In texels: how far the glossy gather looks, which brings the light of what takes the environment's place
+        reach = frame.radius * 2.0**(settings.last_level - settings.start_level) if uses_glossy(settings) else 0.0
         coarsest = min(settings.levels - 1, 3)
         omit = {f"surface_{i}" for i in range(coarsest + 1, 4)}
         if not frame.has_feature(*GLOSSY):
-            omit |= {"image_surface", "specular"}
+            omit |= {"image_surface", "specular", "gather_reach"}
         yield Dispatch(settings.start_level, {
             "texel": float(2**settings.start_level), "coarsest": coarsest, "directions": settings.sky_directions,
             "steps": settings.sky_steps, "thickness": settings.sky_thickness,
+            "gather_reach": reach,
         }, omit=frozenset(omit))
 
 

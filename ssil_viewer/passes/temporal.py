@@ -23,8 +23,9 @@ class Temporal(ScreenPass):
     """Running means along each surface point's way over the screen, of irradiance and of what glossy surfaces reflect.
 
     Source: Nehab et al. 2007, "reverse reprojection caching". History is refused where depth or normal differ,
-    relative to depth, and shortened where the light changed. That of reflections is held within what the neighbours
-    reflect now, as temporal antialiasing does (Karis 2014); it follows the reflecting surface, not what is seen in it.
+    relative to depth, and shortened where the light changed. That of reflections follows the reflecting surface, not
+    what is seen in it, and while anything moves is held within what the neighbours reflect now, as temporal
+    antialiasing does (Karis 2014).
     """
 
     name = "temporal"

@@ -199,9 +199,13 @@ def test_what_is_seen_whole_stays_so_beside_the_panel_and_a_room_is_not_left():
     found = places(whole, corners(low, high), 1.5)[:, 0]
     assert found.min() >= -0.2 - 1e-9 and found.max() <= 1 + 1e-9
     assert max(-0.2 - found.min(), found.max() - 1) == pytest.approx(0, abs=1e-9), "and no farther than that takes"
-    inside = control(Camera(eye=(0, 0, 0.9), target=(0, 0, 0)))
+    inside = control(Camera(eye=(0, 0, 0.9), target=(0, 0, 0), near=0.3))
     inside.step_aside(low, high, 1.5, 0.4)
-    assert inside.eye == pytest.approx((0, 0, 0.9))
+    assert inside.eye == pytest.approx((0, 0, 0.9)) and inside.near == 0.3, "a section is still one"
+    terrain = np.array([-50.0, 0.0, -50.0]), np.array([50.0, 1.6, 50.0])
+    walking = control(Camera(eye=(0, 1.7, 0), target=(0, 1.5, -5)))
+    walking.step_aside(*terrain, 1.5, 0.4)
+    assert walking.eye == pytest.approx((0, 1.7, 0))
 
 
 def test_wheel_and_drag_keep_the_pivot_where_it_is_in_the_picture():
@@ -250,7 +254,8 @@ def test_flags_repeat_the_camera():
 @pytest.mark.parametrize("move", [
     lambda c: c.rotate(0.1, 0.0), lambda c: c.pan(0.1, 0.0), lambda c: c.wheel(1.0), lambda c: c.look(0.0, 0.1),
     lambda c: c.fly(0, 0, 1, seconds=0.1), lambda c: c.focus(np.ones(3)),
-    lambda c: c.frame(np.zeros(3), np.ones(3), 1.0), lambda c: c.step_aside(np.zeros(3), np.ones(3), 1.0, 0.3)])
+    lambda c: c.frame(np.zeros(3), np.ones(3), 1.0),
+    lambda c: c.step_aside(np.full(3, -2.0), np.full(3, 2.0), 1.0, 0.3)])
 def test_the_near_plane_of_a_camera_belongs_to_its_own_view(move):
     camera = Camera(eye=(0, 0, 5), near=2.0)
     moved = control(camera)

@@ -130,6 +130,18 @@ def test_a_saved_picture_keeps_its_exposure_and_other_scenes_get_theirs(viewer, 
     viewer.actions.undo()
     turn(viewer)
     assert state.settings.exposure == 0.0, "taking a change back is no reason to choose"
+    viewer.actions.meter_exposure()
+    turn(viewer)
+    assert state.settings.exposure == chosen
+    viewer.actions.undo()
+    turn(viewer)
+    assert state.settings.exposure == 0.0, "nor is taking back that of M"
+    viewer.actions.set_settings(dataclasses.replace(state.settings, exposure=1.5))
+    viewer.actions.exposure.picture_opened()
+    viewer.actions._set_environment(Environment("white", np.ones((8, 16, 3), np.float32)))
+    turn(viewer)
+    assert state.settings.exposure == 1.5, "other light in the scene of the picture"
+    viewer.actions.remove_environment()
     open_in(viewer, dim)
     assert state.settings.exposure == chosen
 

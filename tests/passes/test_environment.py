@@ -95,12 +95,12 @@ def metal(roughness: float) -> Material:
     return Material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=roughness)
 
 
-def share_of_reflection(make_renderer, wall, roughness, stage) -> np.ndarray:
+def share_of_reflection(make_renderer, wall, roughness, stage, **settings) -> np.ndarray:
     """What a metal floor reflects of an even sky past a wall, over what it reflects without: (H, W)."""
     found = []
     for walls in ((wall,), ()):
         scene = replace(scenes.scene((FLOOR, *walls), (metal(roughness), BLACK)), environment=constant(1.0, 1.0, 1.0))
-        renderer = make_renderer(scene, (480, 270), stage, bounces=0)
+        renderer = make_renderer(scene, (480, 270), stage, **settings)
         renderer.render(LEVEL)
         found.append(renderer.read("direct")[..., 1])
     return found[0] / np.maximum(found[1], 1e-3)
@@ -132,6 +132,17 @@ def test_a_floor_does_not_reflect_the_sky_behind_a_wall(make_renderer, stage, ro
     assert np.abs(found - expected).mean() < 0.1
     if roughness < 0.5:
         assert found[0] > 0.96 and found[-1] < 0.12
+
+
+@pytest.mark.parametrize("settings", [{"glossy_samples": 0}, {"bounces": 0},
+                                      {"start_level": 0, "levels": 1, "radius": 8.0}])
+def test_what_no_gather_brings_takes_no_light_from_a_mirror(make_renderer, stage, settings):
+    """Nobody adds the wall's light where the glossy gather does not run, or ends before the wall."""
+    wall = scenes.rectangle((-50, 0, 0), (100, 0, 0), (0, 0.8, 0), material=1)
+    rows = seen_at(np.arange(5.5, 5.9, 0.2))[0]
+    gathered, alone = (share_of_reflection(make_renderer, wall, 0.1, stage, **chosen)[rows, 230:250].mean()
+                       for chosen in ({}, settings))
+    assert gathered < 0.15 and alone > 0.4
 
 
 def test_a_wall_beside_a_mirror_hides_nothing_ahead(make_renderer, stage):

@@ -354,7 +354,7 @@ def test_public_names_resolve():
 
 def test_compare_says_without_a_terminal_how_far_it_is(monkeypatch, capsys):
     now = [0.0]
-    monkeypatch.setattr(compare.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(compare, "time", SimpleNamespace(monotonic=lambda: now[0]))
     with compare._progress() as heard:
         for at, what, share in ((0, "R1", 0.1), (3, "R1", 0.2), (6, "R1", 0.3), (9, "R1", 0.4), (12, "R1", 0.5),
                                 (13, "R3", 0.0), (20, "R3", 1.0)):

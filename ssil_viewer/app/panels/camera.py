@@ -16,7 +16,8 @@ from ssil_viewer.text import showable
 def draw(state: AppState, actions: Actions) -> None:
     """All about the camera."""
     control = state.camera
-    widgets.label("Mode", "Orbiting turns about the target, flying moves with W A S D Q E. C changes.")
+    widgets.label("Mode", "Orbiting turns about what the middle beside the panel shows, flying moves with "
+                  "W A S D Q E. C changes.")
     if imgui.radio_button("Orbit", control.mode == "orbit"):
         control.mode = "orbit"
     imgui.same_line()
@@ -62,7 +63,7 @@ def _numbers(state: AppState) -> None:
         # The axis, not the screen's up vector: typing numbers must not roll the camera.
         up = tuple(float(x) for x in control.axis)
         jumped = control.jumped
-        control.set_camera(dataclasses.replace(camera, eye=eye, target=target, up=up, near=None))
+        control.set_camera(dataclasses.replace(camera, eye=eye, target=target, up=up, near=None), control.aside)
         control.jumped = jumped
     if zoomed:
         control.vertical_fov = math.radians(degrees)
