@@ -36,6 +36,11 @@ Slice first_slice(vec3 p) {
     return Slice(to_camera, across, 0.0, across, cross(across, to_camera));
 }
 
+// Angle of a direction of any length in the slice from to_camera, to either side.
+float angle_from_camera(Slice slice, vec3 v) {
+    return acos(clamp(dot(v, slice.to_camera) * inversesqrt(max(dot(v, v), 1e-30)), -1.0, 1.0));
+}
+
 // Turns the slice, by a share of a whole turn from the first one. Returns the length of the normal within it.
 float turn_slice(inout Slice slice, float share, vec3 normal) {
     vec2 turned = direction_from_turn(share);

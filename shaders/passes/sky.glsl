@@ -68,9 +68,8 @@ uint blocked_on(float side, Slice slice, vec3 p, vec2 center, float jitter) {
             before.view_depth = 0.0;
             continue;
         }
-        float front_angle = acos(clamp(dot(v, slice.to_camera) * inversesqrt(max(dot(v, v), 1e-30)), -1.0, 1.0));
-        float back_angle = acos(clamp(dot(behind, slice.to_camera) * inversesqrt(max(dot(behind, behind), 1e-30)),
-                                      -1.0, 1.0));
+        float front_angle = angle_from_camera(slice, v);
+        float back_angle = angle_from_camera(slice, behind);
         vec2 span = vec2(min(front_angle, back_angle), max(front_angle, back_angle));
         if (before.view_depth > 0.0 && connected(before, met, spacing))
             span = vec2(min(span.x, before_angle), max(span.y, before_angle));
@@ -132,7 +131,7 @@ void shade(ivec2 px) {
     Kept kept = what_is_kept(px, surface, p);
     p = kept_position(px, surface, p, kept);
     if (kept.roughness >= 0.0)
-        reflected = share_ahead(slice, p, surface.normal, kept.roughness, kept.center, jitter, reflected);
+        reflected = share_ahead(first_slice(p), p, surface.normal, kept.roughness, kept.center, jitter, reflected);
 #endif
     out_sky_noisy = vec4(shares, reflected);
 }

@@ -29,7 +29,7 @@ void look_ahead(float side, Slice slice, vec3 p, vec2 center, float jitter, int 
         vec2 at = clamp(center + direction * radius, vec2(0.0), vec2(size_surface()) - 0.5);
         Seen met = seen_at(at, clamp(int(log2(radius * 0.25)), 0, coarsest));
         vec3 v = met.position - p;
-        float angle = acos(clamp(dot(v, slice.to_camera) * inversesqrt(max(dot(v, v), 1e-30)), -1.0, 1.0));
+        float angle = angle_from_camera(slice, v);
         bool joined = before.view_depth > 0.0 && met.view_depth > 0.0
                    && connected(before, met, (radius - before_radius) * texel_width);
         vec3 reflectance = load_specular(min(ivec2(at * texel), size_specular() - 1)).rgb;
@@ -60,7 +60,7 @@ float edge_angle(Slice slice, vec3 p, vec2 center) {
     float reach;
     bool moves = find_line(1.0, slice, p, center, direction, reach);
     vec2 ray = ray_from_pixel(center + direction * reach, frame.ray_scale * texel, frame.ray_origin);
-    return moves ? acos(clamp(dot(normalize(vec3(ray, -1.0)), slice.to_camera), -1.0, 1.0)) : PI;
+    return moves ? angle_from_camera(slice, vec3(ray, -1.0)) : PI;
 }
 
 // The lobe is that of the glossy gather. Its axis, the mirror direction, lies in the slice through the normal, as far beyond it as
