@@ -270,8 +270,8 @@ class Settings:
         "Smooth the edges of the picture, by what it shows itself, in one pass at its end. Never touches exported "
         "values.", affects="display", group="Display")] = True
     shadow_resolution: Annotated[int, Knob(
-        "Side of the shadow map of a directional light; spots get a half, faces of point and area lights a quarter.",
-        128, 8192, "texels", powers=True, log=True, group="Shadows")] = 2048
+        "Side of the shadow map of a directional light; spots get a quarter, faces of point and area lights an eighth.",
+        128, 8192, "texels", powers=True, log=True, group="Shadows")] = 4096
     area_shadow_samples: Annotated[int, Knob(
         "Points on each area light from which its shadow is drawn, on spheres twice as many. More make smoother "
         "penumbrae; each costs three shadow maps when something moves, and lookups in every pixel that is lit.",

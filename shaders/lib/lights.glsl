@@ -67,16 +67,18 @@ bool lights_front(vec3 incoming, float n_dot_l) {
     return n_dot_l > 0.0 && max(max(incoming.r, incoming.g), incoming.b) > 0.0;
 }
 
-// A tile of the atlas: its view, and its place (uv of the corner, uv size, uv size of a texel).
+// A tile of the atlas: its view, and its place, in texels.
 struct Tile {
     mat4 clip_from_world;
-    vec4 rect;
+    vec2 corner;
+    float side;
 };
 
 Tile fetch_tile(FLOAT_TABLE tiles, int tile) {
+    vec4 place = FLOAT_TEXEL(tiles, ivec2(4, tile));
     return Tile(transpose(mat4(FLOAT_TEXEL(tiles, ivec2(0, tile)), FLOAT_TEXEL(tiles, ivec2(1, tile)),
                                FLOAT_TEXEL(tiles, ivec2(2, tile)), FLOAT_TEXEL(tiles, ivec2(3, tile)))),
-                FLOAT_TEXEL(tiles, ivec2(4, tile)));
+                place.xy, place.z);
 }
 
 vec3 tile_ndc(Tile tile, vec3 position) {
@@ -85,19 +87,20 @@ vec3 tile_ndc(Tile tile, vec3 position) {
 }
 
 // Four bilinear comparisons, up to `spread` texels to each side, on a turned square, so that either axis has four places
-// instead of two: 0 to 1. slope: change of depth with uv over the texels.
-float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, vec2 slope) {
+// instead of two: 0 to 1. slope: change of depth from texel to texel.
+float filtered_shadow(sampler2DShadow atlas, Tile tile, vec3 ndc, float spread, vec2 slope) {
     if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) return 1.0;
-    vec2 low = rect.xy + 1.5 * rect.w, high = rect.xy + rect.z - 1.5 * rect.w;
-    vec2 uv = rect.xy + (ndc.xy * 0.5 + 0.5) * rect.z;
-    vec2 apart = vec2(1.0, 1.0 / 3.0) * (spread * rect.w);
+    vec2 texel = 1.0 / vec2(textureSize(atlas, 0));
+    vec2 low = tile.corner + 1.5, high = tile.corner + (tile.side - 1.5);
+    vec2 place = tile.corner + (ndc.xy * 0.5 + 0.5) * tile.side;
+    vec2 apart = vec2(1.0, 1.0 / 3.0) * spread;
     float lit = 0.0;
     for (int i = 0; i < 4; ++i) {
-        vec2 at = clamp(uv + apart, low, high);
+        vec2 at = clamp(place + apart, low, high);
         // What is farther from the light than the receiver cannot hide it. Where its plane goes on behind a corner, the depth
         // there would be that of what lies behind the wall, which is lit
-        float depth = clamp(ndc.z * 0.5 + 0.5 + min(dot(slope, at - uv), 0.0), 0.0, 1.0);
-        lit += textureLod(atlas, vec3(at, depth), 0.0);
+        float depth = clamp(ndc.z * 0.5 + 0.5 + min(dot(slope, at - place), 0.0), 0.0, 1.0);
+        lit += textureLod(atlas, vec3(at * texel, depth), 0.0);
         apart = vec2(-apart.y, apart.x);
     }
     return lit * 0.25;
@@ -105,7 +108,7 @@ float filtered_shadow(sampler2DShadow atlas, vec4 rect, vec3 ndc, float spread, 
 
 float sine_of(float cosine) { return sqrt(max(1.0 - cosine * cosine, 0.0)); }
 
-// Change of depth with atlas uv over the plane through a point: planes stay planes in normalised device coordinates.
+// Change of depth with texels of the atlas over the plane through a point: planes stay planes in normalised device coordinates.
 // False where the light sees the plane edge-on: there is no such slope.
 bool plane_slope(Tile tile, vec3 position, vec3 n, float texel, out vec2 slope) {
     vec3 a = cross(n, abs(n.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 0.0, 1.0)) * texel, b = cross(n, a);
@@ -114,8 +117,8 @@ bool plane_slope(Tile tile, vec3 position, vec3 n, float texel, out vec2 slope) 
     float area = first.x * second.y - first.y * second.x;
     slope = vec2(0.0);
     if (abs(area) < 0.05 * length(first) * length(second)) return false;
-    // Depth is half of ndc, uv half of ndc times the tile's size
-    slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / (area * tile.rect.z);
+    // Depth is half of ndc, texels half of ndc times the tile's side
+    slope = vec2(first.z * second.y - second.z * first.y, second.z * first.x - first.z * second.x) / (area * tile.side);
     return true;
 }
 
@@ -139,7 +142,7 @@ float shadow(sampler2DShadow atlas, FLOAT_TABLE tiles, Light light, vec3 positio
     bool followed = plane_slope(view, position, triangle, texel, slope);
     float sine = sine_of(clamp(dot(n, wi), 0.0, 1.0));
     vec3 moved = position + n * (texel * (followed ? 0.25 + 0.25 * sine : 0.5 + 2.0 * sine));
-    return filtered_shadow(atlas, view.rect, tile_ndc(view, moved), 1.0, slope);
+    return filtered_shadow(atlas, view, tile_ndc(view, moved), 1.0, slope);
 }
 
 #ifdef AREA_LIGHTS
@@ -229,7 +232,7 @@ float area_shadow(sampler2DShadow atlas, FLOAT_TABLE tiles, AreaLight light, vec
         // A triangle that hardly faces the point, if at all, would hide itself, where the smooth normal faces it
         bool faces = dot(to_point, triangle) > LEAST_FACING * sqrt(squared);
         plane_slope(view, moved, faces ? triangle : n, texel, slope);
-        lit += weight * filtered_shadow(atlas, view.rect, tile_ndc(view, moved), spread, slope);
+        lit += weight * filtered_shadow(atlas, view, tile_ndc(view, moved), spread, slope);
         total += weight;
     } while (++i < light.shadow_points);
     return total > 0.0 ? lit / total : 1.0;

@@ -120,7 +120,7 @@ class LightTable:
         Args:
             origin: World position that the GPU's zero stands for.
             bounds: (2, 3) box of the geometry relative to `origin`.
-            resolution: Side of a directional light's tile; spots get a half, others a quarter.
+            resolution: Side of a directional light's tile; spots get a quarter, others an eighth.
             max_size: Largest side of a texture.
             area_samples: Points on each area light from which its shadow is drawn.
 
@@ -153,8 +153,7 @@ class LightTable:
                 tiles.append(Tile(corner, side, matrix))
                 tile = np.zeros((TILE_TEXELS, 4), np.float32)
                 tile[:4] = matrix
-                # One atlas size in both directions keeps uv scale and texel a single number each
-                tile[4] = (corner[0] / atlas_size, corner[1] / atlas_size, side / atlas_size, 1 / atlas_size)
+                tile[4, :3] = (*corner, side)
                 tile[5] = (at_unit_distance, constant, 0.0, 0.0)
                 tile[6] = point
                 tile_rows.append(tile)
@@ -168,7 +167,7 @@ class LightTable:
         self.unshadowed = [light.name or light.kind for light, s in zip(lights, sides)
                            if light.cast_shadow and not s]
 
-    def _fit(self, lights: int, tiles: int, atlas_size: int) -> None:
+    def _fit(self, lights: int, tiles: int, atlas_size: tuple[int, int]) -> None:
         """Replace the textures whose size is not the one needed, all of them or none."""
         made: list[moderngl.Texture | moderngl.Framebuffer] = []
         table, tiles_table, atlas, framebuffer = self.table, self.tiles_table, self.atlas, self.framebuffer
@@ -181,8 +180,8 @@ class LightTable:
                 if tiles_table.height != tiles:
                     tiles_table = float_table(self._context, TILE_TEXELS, tiles)
                     made.append(tiles_table)
-                if atlas.width != atlas_size:
-                    atlas = self._create_atlas((atlas_size, atlas_size))
+                if atlas.size != atlas_size:
+                    atlas = self._create_atlas(atlas_size)
                     made.append(atlas)
                     framebuffer = self._context.framebuffer(depth_attachment=atlas)
                     made.append(framebuffer)
@@ -199,13 +198,13 @@ class LightTable:
 
     @staticmethod
     def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int, area_samples: int) -> list[list[int]]:
-        """Sides of each light's tiles. All are halved until they fit four directional maps' area; lights
+        """Sides of each light's tiles. All are halved until they fit two directional maps' area; lights
         that would get less than `_SMALLEST_TILE` go without, the last ones first."""
-        relative = {"directional": (1, 1), "spot": (2, 1), "point": (4, 6)}
-        relative |= {light.kind: (4, TILES_PER_POINT * point_count(light, area_samples))
+        relative = {"directional": (1, 1), "spot": (4, 1), "point": (8, 6)}
+        relative |= {light.kind: (8, TILES_PER_POINT * point_count(light, area_samples))
                      for light in lights if light.is_area}
         side_limit = min(max_size, 8192)
-        budget, largest = min((2 * resolution) ** 2, side_limit**2), _floor_power_of_two(min(resolution, side_limit))
+        budget, largest = min(2 * resolution**2, side_limit**2), _floor_power_of_two(min(resolution, side_limit))
         scale = 1
         while True:
             sides = [[max(largest // (relative[x.kind][0] * scale), _SMALLEST_TILE)] * relative[x.kind][1]
@@ -234,26 +233,29 @@ def _floor_power_of_two(value: int) -> int:
     return 1 << (value.bit_length() - 1)
 
 
-def _pack_squares(sides: list[int]) -> tuple[list[tuple[int, int]], int]:
-    """Places for squares with power-of-two sides in a square atlas, largest first along a Z-order curve:
-    there they are aligned to their own size and leave no gaps.
+def _pack_squares(sides: list[int]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Places for squares with power-of-two sides in an atlas, largest first: in blocks as wide as it, one above the other, and in each along a
+    Z-order curve, on which they are aligned to their own size and leave no gaps.
 
     Returns:
-        (corner of each square in the order given, side of the atlas).
+        (corner of each square in the order given, width and height of the atlas: a power of two, and at most twice as much).
     """
     corners: list[tuple[int, int]] = [(0, 0)] * len(sides)
-    at = 0
+    width = max(sides, default=1)
+    while 2 * width * width < sum(side * side for side in sides):
+        width *= 2
+    at = height = 0
     for index in sorted(range(len(sides)), key=lambda i: -sides[i]):
+        block, within = divmod(at, width * width)
         x = y = 0
-        for bit in range(32):
-            x |= ((at >> (2 * bit)) & 1) << bit
-            y |= ((at >> (2 * bit + 1)) & 1) << bit
+        for bit in range(width.bit_length()):
+            x |= ((within >> (2 * bit)) & 1) << bit
+            y |= ((within >> (2 * bit + 1)) & 1) << bit
+        y += block * width
         corners[index] = (x, y)
         at += sides[index] ** 2
-    side = 1
-    while side * side < at:
-        side *= 2
-    return corners, side
+        height = max(height, y + sides[index])
+    return corners, (width, max(height, 1))
 
 
 def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[int]):
@@ -267,7 +269,7 @@ def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[i
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     nowhere = np.zeros(4)
     if light.kind == "directional":
-        view = look_along(np.zeros(3), np.asarray(light.direction, np.float64), np.array((0.0, 1.0, 0.0)))
+        view = _smallest_view(np.asarray(light.direction, np.float64), corners)
         seen = corners @ view[:3, :3].T
         low, high = seen.min(axis=0) - 1e-3 * diagonal, seen.max(axis=0) + 1e-3 * diagonal
         clip = np.eye(4)
@@ -291,6 +293,15 @@ def _views(light: Light, position: np.ndarray, bounds: np.ndarray, sides: list[i
         tangent = 1 + 6 / side
         view = look_along(position, np.asarray(forward, np.float64), np.asarray(up, np.float64))
         yield perspective((tangent, tangent), near, far) @ view, 2 * tangent / side, 0.0, nowhere
+
+
+def _smallest_view(direction: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """view_from_world along a direction, turned so that the rectangle around a box is as small as it can be.
+
+    Such a rectangle has a side along one of the outline's (Freeman and Shapira 1975), and those of a box are its axes'.
+    """
+    views = [look_along(np.zeros(3), direction, up) for up in np.eye(3)[[1, 0, 2]]]
+    return min(views, key=lambda view: np.prod(np.ptp(corners @ view[:2, :3].T, axis=0)))
 
 
 def _area_views(light: Light, position: np.ndarray, near: float, far: float, sides: list[int]):

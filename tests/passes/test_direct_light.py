@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssil_viewer.gpu.light_table import LightTable
-from ssil_viewer.scene.model import Camera, Light, Material
+from ssil_viewer.gpu.light_table import LightTable, _pack_squares, _smallest_view
+from ssil_viewer.scene.model import Camera, Light, Material, box_corners
 from tests import scenes
 
 SIZE = 81, 61
@@ -197,7 +197,33 @@ def test_shadow_maps_are_as_large_as_asked_and_the_last_lights_go_without():
         return LightTable._tile_sides(lights, resolution, 16384, 9)
 
     assert [sides([Light("directional")], side) for side in (128, 4096, 8192)] == [[[128]], [[4096]], [[8192]]]
-    assert sides([Light("directional")] * 4) == [[2048]] * 4
+    assert sides([Light("directional")] * 2) == [[2048]] * 2
+    assert sides([Light("directional")] * 4) == [[1024]] * 4
     crowd = sides([Light("point"), Light("spot", cast_shadow=False), *[Light("point")] * 3000])
-    room = (2 * 2048) ** 2 // (6 * 64**2)
+    room = 2 * 2048**2 // (6 * 64**2)
     assert [len(of_light) for of_light in crowd] == [6, 0, *[6] * (room - 1), *[0] * (3001 - room)]
+
+
+def test_shadow_maps_lie_beside_one_another_in_an_atlas_that_wastes_little():
+    for sides in ([4096], [4096, 1024], [1024, 4096, 512, 512, 4096], [512] * 27, [64] * 700, [128, 64, 64, 1024]):
+        corners, (width, height) = _pack_squares(sides)
+        free = np.ones((height // 64, width // 64), bool)
+        for (x, y), side in zip(corners, sides):
+            tile = free[y // 64:(y + side) // 64, x // 64:(x + side) // 64]
+            assert tile.size == (side // 64) ** 2 and tile.all() and x % side == y % side == 0
+            tile[:] = False
+        assert height <= 2 * width
+        assert free.mean() <= 0.5, "a row of the largest that is left in the last block"
+    assert _pack_squares([]) == ([], (1, 1)), "a texture has at least one texel"
+
+
+def test_a_directional_map_is_turned_so_that_its_scene_fills_it():
+    """A long wall, lit at 45 degrees to its sides: a map along the world's axes would be as wide as the wall is long."""
+    corners = box_corners(np.array([(-20.0, -1.0, -1.0), (20.0, 1.0, 1.0)]))
+    along, across = np.array((1.0, 1.0, 0.0)) / np.sqrt(2), np.array((1.0, 0.2, 1.0)) / np.sqrt(2.04)
+    for direction in (along, across, np.array((0.0, -1.0, 0.0)), np.array((0.0, 0.0, 1.0))):
+        view = _smallest_view(direction, corners)[:3, :3]
+        assert np.allclose(view @ view.T, np.eye(3)) and np.allclose(view @ direction, (0, 0, -1))
+        area = np.prod(np.ptp(corners @ view[:2].T, axis=0))
+        turns = [np.array(((np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a)))) for a in np.linspace(0, np.pi / 2, 91)]
+        assert area <= min(np.prod(np.ptp(corners @ (turn @ view[:2]).T, axis=0)) for turn in turns) * (1 + 1e-9)

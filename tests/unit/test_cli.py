@@ -76,7 +76,7 @@ def test_the_later_wins_defaults_preset_file_flags(tmp_path):
         found = settings(*order)
         assert found.samples == 100, "the file beats the preset"
         assert found.radius == 30, "the flag beats the file"
-        assert found.shadow_resolution == 1024, "the preset beats the default"
+        assert found.shadow_resolution == 2048, "the preset beats the default"
 
 
 @pytest.mark.parametrize("text, expected", [("-9,4,-0.3", (-9, 4, -0.3)), ("-.5,+2,1e-3", (-0.5, 2, 1e-3)),
