@@ -234,11 +234,12 @@ def _floor_power_of_two(value: int) -> int:
 
 
 def _pack_squares(sides: list[int]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """Places for squares with power-of-two sides in an atlas, largest first: in blocks as wide as it, one above the other, and in each along a
-    Z-order curve, on which they are aligned to their own size and leave no gaps.
+    """Places for squares with power-of-two sides in an atlas, largest first: in blocks as wide as it, one above the
+    other, and in each along a Z-order curve, on which they are aligned to their own size and leave no gaps.
 
     Returns:
-        (corner of each square in the order given, width and height of the atlas: a power of two, and at most twice as much).
+        (corner of each square in the order given, width and height of the atlas: a power of two, and at most twice
+        as much).
     """
     corners: list[tuple[int, int]] = [(0, 0)] * len(sides)
     width = max(sides, default=1)

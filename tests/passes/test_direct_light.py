@@ -218,7 +218,7 @@ def test_shadow_maps_lie_beside_one_another_in_an_atlas_that_wastes_little():
 
 
 def test_a_directional_map_is_turned_so_that_its_scene_fills_it():
-    """A long wall, lit at 45 degrees to its sides: a map along the world's axes would be as wide as the wall is long."""
+    """A long wall, lit at an angle to its sides: a map along the world's axes would be as wide as the wall is long."""
     corners = box_corners(np.array([(-20.0, -1.0, -1.0), (20.0, 1.0, 1.0)]))
     along, across = np.array((1.0, 1.0, 0.0)) / np.sqrt(2), np.array((1.0, 0.2, 1.0)) / np.sqrt(2.04)
     for direction in (along, across, np.array((0.0, -1.0, 0.0)), np.array((0.0, 0.0, 1.0))):
