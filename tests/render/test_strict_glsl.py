@@ -1,4 +1,4 @@
-"""What a driver stricter than Mesa's would not compile: Khronos' own compiler reads every shader, in the form for GPUs."""
+"""What a driver stricter than Mesa's would refuse: Khronos' own compiler reads every shader, in the form for GPUs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ def rejected(folder) -> str:
     {}, {"visibility": "off", "form_factor": "point", "sample_spacing": "area", "mip_filter": "average", "samples": 9},
     {"visibility": "voxel", "voxel_slices": 256, "bounces": 3, "temporal": False, "start_level": 1},
     {"visibility_rays": 2, "unseen_samples": 1, "shadow_rays": True, "importance_sampling": False},
-    {"feedback": True, "mip_filter": "nearest", "upsampling": "nearest", "guard_band": 8, "antialias": False, "levels": 1}])
+    {"feedback": True, "mip_filter": "nearest", "upsampling": "nearest", "guard_band": 8, "antialias": False,
+     "levels": 1}])
 def test_khronos_compiler_takes_every_shader(make_renderer, stage, shaders, settings):
     scene = replace(scenes.half_metal_cornell(), lights=LIGHTS, environment=SKY)
     renderer = make_renderer(scene, (40, 30), stage, **settings, shadow_resolution=128)
