@@ -28,8 +28,9 @@ def add_flags(parser: Parser) -> None:
     group.add_argument("--settings-b", metavar="NAME|FILE", help="settings B, shown right of a divider: a preset or a "
                        "TOML file (Ctrl+B)")
     window = parser.add_argument_group("window")
-    window.add_argument("--image-scale", type=values.whole("--image-scale", 10, 100), default=100, metavar="PERCENT",
-                        help="rendered pixels per pixel of the window, along each side; less is faster (10 to 100)")
+    window.add_argument("--image-scale", type=values.whole("--image-scale", 10, 200), default=100, metavar="PERCENT",
+                        help="rendered pixels per pixel of the window, a side; less is faster, 200 smooths edges "
+                        "(10 to 200)")
     window.add_argument("--panel-scale", type=values.whole("--panel-scale", 75, 300), default=100, metavar="PERCENT",
                         help="size of text and panels, on top of what the monitor asks for (75 to 300)")
     window.add_argument("--auto-exposure", action="store_true", help="choose the exposure from the first picture, as M "

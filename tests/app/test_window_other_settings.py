@@ -162,7 +162,9 @@ def test_the_command_line_scales_image_and_panels(display, monkeypatch):
     flags = ["view", "builtin:cornell", "--size", "320x200", "--samples", "4", "--levels", "2", "--frames", "2"]
     assert cli.main([*flags, "--image-scale", "25", "--panel-scale", "125"]) == 0
     assert seen[-1] == ((80, 50), 1.25)
-    assert cli.main([*flags, "--image-scale", "5"]) == 2
+    assert cli.main([*flags, "--image-scale", "200"]) == 0
+    assert seen[-1][0] == (640, 400)
+    assert cli.main([*flags, "--image-scale", "5"]) == cli.main([*flags, "--image-scale", "201"]) == 2
 
 
 @pytest.mark.parametrize("name", ["Reference", "Settings A and B"])

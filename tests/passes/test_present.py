@@ -41,3 +41,16 @@ def test_smooth_between_texels(context):
     context.resting_framebuffer.use()
     for item in (presenter, framebuffer, target, picture):
         item.release()
+
+
+def test_of_a_picture_twice_as_large_each_pixel_is_the_mean_of_four(context):
+    texels = np.random.default_rng(2).integers(0, 256, (8, 12, 4), np.uint8)
+    picture, target = context.texture((12, 8), 4, texels.tobytes()), context.texture((6, 4), 4)
+    framebuffer = context.framebuffer([target])
+    presenter = Presenter(context)
+    presenter.draw(picture, framebuffer)
+    found = np.frombuffer(target.read(), np.uint8).reshape(4, 6, 4)
+    assert found == pytest.approx(texels.reshape(4, 2, 6, 2, 4).mean((1, 3)), abs=1)
+    context.resting_framebuffer.use()
+    for item in (presenter, framebuffer, target, picture):
+        item.release()
