@@ -74,6 +74,8 @@ def check_folder(path: str | os.PathLike[str], replaceable: Callable[[Path], boo
         if target.exists() and not target.is_dir():
             raise UserError("a file is where the output folder should be", shown, "give another name")
         _check_parent(target)
+        if os.path.ismount(target):
+            raise UserError("a mounted volume cannot be replaced", shown, "give a folder within it")
         if target == Path.cwd():
             raise UserError("the current folder cannot be replaced", shown, "give a folder within it")
         if target.is_dir() and any(target.iterdir()) and not replaceable(target):
@@ -98,13 +100,16 @@ def _beside(path: Path) -> Path:
 
 
 @contextlib.contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path, replaceable: Callable[[Path], bool] = lambda folder: True) -> Iterator[Path]:
     """A folder beside `path` to write to; it takes the place of `path` at the end, or goes away on any failure.
 
     What was at `path` before stays until then, and after a failure.
 
+    Args:
+        replaceable: Whether a folder that holds something by now may go.
+
     Raises:
-        UserError: The operating system refused, for example because the disk is full.
+        UserError: The operating system refused, for example because the disk is full, or something else is in `path`.
     """
     fresh, old = _beside(path), _beside(path)
     try:
@@ -112,6 +117,8 @@ def atomic_folder(path: Path) -> Iterator[Path]:
             fresh.mkdir()
             yield fresh
             if path.exists():
+                if any(path.iterdir()) and not replaceable(path):
+                    raise UserError("the output folder holds other files by now", str(path), "give another one")
                 path.rename(old)
             fresh.rename(path)
     finally:

@@ -370,6 +370,11 @@ def load_settings(path: Path, base: Settings | None = None) -> Settings:
     return (base or Settings()).replaced(values, str(path))
 
 
+def settings_in(path: Path) -> set[str]:
+    """Names of the settings that a file of `load_settings` says."""
+    return {name.replace("-", "_") for name in read_toml(path, "settings file")}
+
+
 def presets() -> dict[str, Path]:
     """Names and files of the shipped presets; each file holds differences from the defaults only."""
     folder = Path(__file__).with_name("presets")

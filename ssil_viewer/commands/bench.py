@@ -85,7 +85,7 @@ def rows_of(args: argparse.Namespace) -> list[Settings]:
     base = shared.settings_of(args)
     sweeps = parse_sweeps(args.sweep, values.knob_value)
     if not sweeps:
-        given = shared.flags_given(args)
+        given = shared.names_given(args)    # of a picture, which holds all settings, those that are not the defaults
         pinned = {name: getattr(base, name) for name in _ROW_SETTINGS
                   if name in given or getattr(base, name) != getattr(Settings(), name)}
         return talk_settings(base, pinned)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from dataclasses import replace
 from typing import Any, Callable
@@ -10,6 +11,7 @@ from typing import Any, Callable
 from ssil_viewer import output
 from ssil_viewer.commands import measuring, shared, values
 from ssil_viewer.commands.parser import Parser
+from ssil_viewer.settings import Settings, knobs
 
 USAGE = "-o DIR [--quick] [--claims C1,C2,...] [flags]"
 EPILOG = """\
@@ -52,16 +54,18 @@ def run(args: argparse.Namespace) -> None:
         # A bad scene ends the command now rather than after all other claims
         studio.aim(args.scene or "builtin:cornell")
         shared.warn(studio.renderer.scene.warnings)
-        head = _head(args, size, machine(studio.renderer))
+        head = _head(args, size, machine(studio.renderer), studio.base)
         with measuring.progress_bar(in_pipes=True) as show:
             in_pipe = sys.stderr is None or not sys.stderr.isatty()
             results = measure(studio, claims, args.quick, args.scene, _claims_alone(show) if in_pipe else show)
     finally:
         studio.close()
-    report.write(folder, head, results)
-    for result in results:
-        print(f"{result.claim.id:<4}{result.finding.verdict:<21}{result.finding.why}")
-    measuring.say_written(folder / report.PAGE)
+    try:
+        report.write(folder, head, results)
+        measuring.say_written(folder / report.PAGE)
+    finally:    # whatever becomes of the files
+        for result in results:
+            print(f"{result.claim.id:<4}{result.finding.verdict:<21}{result.finding.why}")
 
 
 def _claims_alone(show: Callable[[str, float, float], None]) -> Callable[[str, float, float], None]:
@@ -77,7 +81,14 @@ def _claims_alone(show: Callable[[str, float, float], None]) -> Callable[[str, f
     return tell
 
 
-def _head(args: argparse.Namespace, size: tuple[int, int], machine: dict[str, Any]) -> dict[str, Any]:
+def _head(args: argparse.Namespace, size: tuple[int, int], machine: dict[str, Any], base: Settings) -> dict[str, Any]:
     effort = "quick: fewer points, frames and seeds" if args.quick else "full"
+    flags = ["--quick"] if args.quick else []
+    flags += [f"--size {size[0]}x{size[1]}"] if args.size else []
+    flags += [f"--seed {args.seed}"] if args.seed else []
+    flags += [f"--scene {shlex.quote(args.scene)}"] if args.scene else []
+    every = {info.name: getattr(base, info.name) for info in knobs()}
+    shown = ", ".join(f"{name} {({True: 'on', False: 'off'}[value] if isinstance(value, bool) else value)}"
+                      for name, value in every.items())
     return {**machine, "size": f"{size[0]}x{size[1]}", "seed": args.seed, "effort": effort,
-            "settings": "the program's defaults, but for what a claim says"}
+            **({"flags": " ".join(flags)} if flags else {}), "settings": f"but for what a claim says: {shown}"}

@@ -20,7 +20,7 @@ from ssil_viewer.scene.environment import load_environment
 from ssil_viewer.scene.light_file import load_lights, with_lights
 from ssil_viewer.scene.lights import SUN_ADDED
 from ssil_viewer.scene.model import Camera, Scene
-from ssil_viewer.settings import Settings, knobs, load_preset, load_settings, presets
+from ssil_viewer.settings import Settings, knobs, load_preset, load_settings, presets, settings_in
 
 _WARNINGS_SHOWN = 8
 _LEVEL_SETTINGS = {"start_level", "levels"}
@@ -134,6 +134,13 @@ def load(args: argparse.Namespace, rows: Sequence[Settings]) -> Scene:
 def flags_given(args: argparse.Namespace) -> set[str]:
     """Names of the settings that have been given as flags."""
     return {info.name for info in knobs() if hasattr(args, info.name)}
+
+
+def names_given(args: argparse.Namespace) -> set[str]:
+    """Names of the settings that a flag, the preset or the settings file says, be it the default."""
+    files = [presets()[args.preset]] if args.preset is not None else []
+    files += [Path(args.settings)] if args.settings is not None else []
+    return flags_given(args).union(*(settings_in(file) for file in files))
 
 
 def load_described(args: argparse.Namespace) -> Scene:

@@ -14,7 +14,8 @@ from typing import Iterator, Literal
 import moderngl
 import numpy as np
 
-# A frame's queries are read this many frames after it was drawn: by then the GPU is done and nothing stalls.
+# So many frames have queries at a time: one's are read after three more were drawn, by when the GPU is done with it
+# and nothing stalls.
 RING = 4
 # The first frames after a change compile, allocate and fill caches: they say nothing about the rest.
 WARM_UP_FRAMES = 3
@@ -55,15 +56,20 @@ class Timings:
     rest: PassTime = PassTime()
     waits: bool = False
 
-    def adds_up(self, tolerance: float = 0.1) -> bool:
+    def adds_up(self, tolerance: float = 0.1) -> bool | None:
         """Whether passes and frame tell the same story, to a share of the frame's wall time; needs `waits`.
 
         On software OpenGL the passes are all of the frame. A GPU may begin while commands still come in or only once
         all are there, so its frame takes between the sum of the passes and that sum plus the time to submit.
+
+        Returns:
+            None where that cannot be told: handing over takes the whole frame, to which passes of any length would fit.
         """
         slack = tolerance * self.frame.median_ms
         submit = self.submit.median_ms if self.submit.count else 0.0
-        return self.waits and -slack <= self.rest.median_ms <= submit + slack
+        if not self.waits or not -slack <= self.rest.median_ms <= submit + slack:
+            return False
+        return None if submit + slack >= self.frame.median_ms else True
 
 
 def summarize(samples: deque[float] | list[float]) -> PassTime:

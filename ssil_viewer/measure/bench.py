@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from dataclasses import dataclass
-from typing import Any, Mapping, Sequence
+from typing import Any, Callable, Mapping, Sequence
 
 from ssil_viewer import __version__
 from ssil_viewer.errors import UserError
@@ -23,6 +23,9 @@ TALK_ROWS = ((2, 4, 64), (2, 4, 256), (1, 4, 64), (1, 5, 64))
 VISIBILITIES = ("off", "voxel", "horizon")
 FRAMES = {"gpu": 200, "wall": 10}
 """Frames that count in each row unless somebody says otherwise, by clock."""
+
+Path = Callable[[int], Camera]
+"""A camera that moves: its view by the number of the frame."""
 
 _MOST_ROWS = 10_000
 _STRAYS = 50    # frames of a row that may be disturbed, after which something is wrong
@@ -74,6 +77,7 @@ class Bench:
 
     Args:
         renderer: Its settings are changed; who owns it sets them again afterwards.
+        camera: The view, or the view of each frame of a row by its number.
         rows: Settings of each row.
         frames: Frames of each row that count; None takes `FRAMES`.
         floors: Measure the speed of a copy, too.
@@ -82,7 +86,7 @@ class Bench:
         rows: What has been measured so far.
     """
 
-    def __init__(self, renderer: Renderer, camera: Camera, rows: Sequence[Settings], frames: int | None = None,
+    def __init__(self, renderer: Renderer, camera: Camera | Path, rows: Sequence[Settings], frames: int | None = None,
                  floors: bool = True) -> None:
         self.renderer = renderer
         self.frames = frames or FRAMES[renderer.timers.source]
@@ -91,7 +95,7 @@ class Bench:
         self._meter: CopyMeter | None = None
         self._copy: CopySpeed | None = None
         self._scene, self._lights, self._size = renderer.scene, renderer.lights, renderer.size
-        self._camera = camera
+        self._camera_at: Path = camera if callable(camera) else lambda frame: camera
         self._waiting = list(rows)
         self._count = len(rows)
         self._rendered = 0      # frames of the present row
@@ -140,10 +144,13 @@ class Bench:
         if not self._rendered:
             renderer.set_settings(self._waiting[0])
             renderer.reset_history()
+        camera = self._camera_at(self._rendered)
+        if self._rendered == WARM_UP_FRAMES - 1:
+            # By now passes do what they do in the frames that count: in the first frame there is no history
             with renderer.counting_bytes() as self._traffic:
-                renderer.render(self._camera)
+                renderer.render(camera)
         else:
-            renderer.render(self._camera)
+            renderer.render(camera)
         self._rendered += 1
         if renderer.timers.count >= self.frames:
             self._finish_row()
@@ -181,7 +188,7 @@ class Bench:
                 "rows": [_row(row, copy) for row in self.rows]}
 
 
-def measure_row(renderer: Renderer, camera: Camera, settings: Settings, frames: int) -> Row:
+def measure_row(renderer: Renderer, camera: Camera | Path, settings: Settings, frames: int) -> Row:
     """One row alone, without floors; the timers are given back."""
     bench = Bench(renderer, camera, [settings], frames, floors=False)
     try:

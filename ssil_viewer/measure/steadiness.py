@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Callable
 
 import numpy as np
 
@@ -15,6 +16,12 @@ def turned(camera: Camera, angle: float) -> Camera:
     x, y, z = np.subtract(camera.target, camera.eye)
     cos, sin = np.cos(angle), np.sin(angle)
     return dataclasses.replace(camera, target=tuple(np.add(camera.eye, (cos * x + sin * z, y, cos * z - sin * x))))
+
+
+def pan(camera: Camera, step: float, height: int) -> Callable[[int], Camera]:
+    """A slow pan: the camera of each frame by its number, turned by `step` pixels of an image `height` pixels high."""
+    pixel = 2 * np.tan(camera.vertical_fov / 2) / height
+    return lambda frame: turned(camera, step * pixel * frame)
 
 
 def reprojected(light: np.ndarray, depth: np.ndarray, normal: np.ndarray, motion: np.ndarray,
@@ -60,10 +67,10 @@ def flicker(renderer: Renderer, camera: Camera, step: float, frames: int = 5, wa
         frames: Frames that count; there is one change less.
         warm_up: Frames of the same pan before them.
     """
-    pixel = 2 * np.tan(camera.vertical_fov / 2) / renderer.size[1]
+    path = pan(camera, step, renderer.size[1])
     changes, before = [], None
     for frame in range(warm_up + frames):
-        renderer.render(turned(camera, step * pixel * frame))
+        renderer.render(path(frame))
         if frame < warm_up:
             continue
         light, depth, normal, motion = (renderer.read(x) for x in ("indirect", "view_depth", "normal", "motion"))

@@ -43,7 +43,7 @@ def heading_lines(report: dict[str, Any]) -> list[str]:
 
 def _place(report: dict[str, Any]) -> str:
     width, height = report["size"]
-    return f"{report['scene']}, {width}x{height}, {report['renderer']}"
+    return f"{report['scene']}, {width}x{height}, {report['renderer']}, OpenGL {report['version']}"
 
 
 def sums_table(report: dict[str, Any]) -> Table:
@@ -87,10 +87,14 @@ def notes(report: dict[str, Any]) -> list[str]:
     copy = report["copy"]
     found = [f"copies: the total in copies of an image of this size, {milliseconds(copy['median_ms'])} ms each here "
              f"({copy['bytes_per_second'] / 1e9:.3g} GB/s)."]
-    apart = sum(not row["adds_up"] for row in report["rows"])
+    apart = sum(row["adds_up"] is False for row in report["rows"])
     if apart:
         found.append(f"In {apart} row{'s' if apart > 1 else ''} the passes do not add up to the frame within 10 %: "
                      "something else took its time, or the timer does not tell the truth.")
+    unknown = sum(row["adds_up"] is None for row in report["rows"])
+    if unknown:
+        found.append(f"In {unknown} row{'s' if unknown > 1 else ''} handing over its commands takes a frame's whole "
+                     "time, so whether the passes add up to it cannot be told; a larger --size would tell.")
     return found
 
 
@@ -129,6 +133,13 @@ def csv_text(lines: Sequence[dict[str, Any]]) -> str:
     writer = csv.DictWriter(text, list(dict.fromkeys(key for line in lines for key in line)), lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
+    return text.getvalue()
+
+
+def csv_rows(rows: Iterable[Sequence[str]]) -> str:
+    """CSV of cells, the first row their headers."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 

@@ -20,7 +20,7 @@ from ssil_viewer.measure.groups import TALK, group_times, total_ms
 from ssil_viewer.measure.tables import Table, milliseconds
 from ssil_viewer.pipeline import Renderer
 from ssil_viewer.scene.model import Camera
-from ssil_viewer.settings import Settings
+from ssil_viewer.settings import Settings, knobs
 
 START_LEVELS = (3, 2, 1, 0)     # the cheapest first
 LEVELS = (3, 4, 5, 6)
@@ -31,6 +31,7 @@ FRAMES = {"gpu": 40, "wall": 5}
 _REFERENCE_SAMPLES = {"off": 1024, "horizon": 1024, "voxel": 256}   # voxels take some twenty times as long
 _REFERENCE_START = {"off": 0, "horizon": 0, "voxel": 1}
 _REFERENCE_FRAMES = 4
+_MOST_LEVELS = int(next(info.knob.high for info in knobs() if info.name == "levels"))
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,11 @@ def candidates(base: Settings, size: tuple[int, int], pinned: Mapping[str, int] 
 
 def reference_settings(base: Settings, chains: Sequence[Sequence[Settings]]) -> Settings:
     """The same method at its best, which reaches at least as far as any candidate."""
-    start = _REFERENCE_START[base.visibility]
     last = max(chain[0].last_level for chain in chains)
+    # Not beyond the candidates' last level, which may be the image's own, and no more levels than there can be
+    start = min(max(_REFERENCE_START[base.visibility], last + 1 - _MOST_LEVELS), last)
     # A single frame has no light fed back from the frame before
-    return dataclasses.replace(base, start_level=start, levels=min(last - start + 1, 8), temporal=True, feedback=False,
+    return dataclasses.replace(base, start_level=start, levels=last - start + 1, temporal=True, feedback=False,
                                samples=_REFERENCE_SAMPLES[base.visibility], temporal_frames=_REFERENCE_FRAMES)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Callable, Literal
 
 from PIL import Image
 
+from ssil_viewer.measure.scaling import disturbed
 from ssil_viewer.measure.tables import Table
 
 if TYPE_CHECKING:
@@ -108,17 +109,18 @@ class Claim:
     measure: Callable[[Lab], Finding]
 
 
-def judged(held: bool, repeats_within: float = 1.0, limit: float = float("inf")) -> Verdict:
-    """The verdict about times: where a rule does not hold, but the same thing measured again differs by more than the
-    rule allows, the machine was too busy to tell.
+def judged(over: float, repeats_within: float = 1.0, limit: float = float("inf")) -> Verdict:
+    """The verdict about times: where a rule is missed, but the same thing measured again differs by more than the rule
+    allows and by more than what it is missed by, the machine was too busy to tell.
 
     Args:
+        over: How many times what the rule allows was measured; up to 1 it holds.
         repeats_within: How many times the least round's time the largest one's was.
         limit: What `repeats_within` may be.
     """
-    if held:
+    if over <= 1.0:
         return HOLDS
-    return UNSEEN if repeats_within > limit else FAILS
+    return UNSEEN if disturbed(over, repeats_within, limit) else FAILS
 
 
 def too_busy(repeats_within: float) -> str:

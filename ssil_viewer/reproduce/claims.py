@@ -84,7 +84,7 @@ CLAIMS: tuple[Claim, ...] = (
     Claim("C10", "Reprojection removes almost all flicker at a low constant cost",
           "Reverse reprojection removes almost all flicker, at a low and constant cost.",
           "The flicker of C6 with and without the temporal filter, after its mean has settled; and the time of its "
-          "pass in the talk's rows.",
+          "pass under the same pan, in the talk's rows without voxels.",
           "At most a fifth of the flicker is left; the pass takes at most a tenth of the frame in every row, and in "
           "the slowest row at most 1.25 times as long as in the fastest.",
           ("ssil-viewer render builtin:atrium -o off.png --camera hanging --samples 8 --no-temporal --show indirect",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from typing import Any, Callable, Sequence, TypeVar
 
-from ssil_viewer.measure.bench import CLOCKS, FRAMES, Row
+from ssil_viewer.measure.bench import CLOCKS, FRAMES, Path, Row
 from ssil_viewer.measure.groups import group_times
 from ssil_viewer.measure.scaling import Point, take_turns
 from ssil_viewer.reproduce.studio import Studio
@@ -67,11 +67,11 @@ class Lab:
         width, height = self.studio.renderer.size
         return f"{self.studio.renderer.scene.name}, {width}x{height}"
 
-    def time(self, what: str, settings: Sequence[Settings], rounds: int = 1) -> list[Timed]:
-        """Times of settings on the studio's view, measured in turn."""
+    def time(self, what: str, settings: Sequence[Settings], rounds: int = 1, path: Path | None = None) -> list[Timed]:
+        """Times of settings on the studio's view, or while the camera takes a path, measured in turn."""
         points = [Point("", at, lambda: None, one) for at, one in enumerate(settings)]
         total = rounds * len(points)
-        turns = take_turns(self.studio.renderer, self.studio.camera, points, rounds, self.frames)
+        turns = take_turns(self.studio.renderer, path or self.studio.camera, points, rounds, self.frames)
         for done, _ in enumerate(turns):
             self.say(f"{what} {done + 1}/{total}", done / total)
         return [Timed(point.settings, tuple(point.rows)) for point in points]

@@ -14,7 +14,7 @@ from ssil_viewer.reference.bounce_series import MOST_BOUNCES, bounce_series
 from ssil_viewer.reference.path_traced import has_mitsuba
 from ssil_viewer.reproduce.claim import FAILS, HOLDS, Chart, Finding, Line, Picture, percent
 from ssil_viewer.reproduce.lab import Lab
-from ssil_viewer.reproduce.studio import FRAMES, Box, Studio, tile
+from ssil_viewer.reproduce.studio import FRAMES, Box, Studio, scaled_box, tile
 
 REDDER = 1.25
 RELIEF_DIRECT, RELIEF_SEEN, RELIEF_CONTRAST = 0.1, 0.05, 0.1
@@ -211,8 +211,9 @@ def _redness(light: np.ndarray) -> float:
 
 def _relief(studio: Studio) -> dict[str, float]:
     """Luminance of the relief in radiance and in the picture."""
-    scale = studio.renderer.size[1] / 720
-    left, upper, right, lower = (round(edge * scale) for edge in _RELIEF)
+    left, upper, right, lower = scaled_box(_RELIEF, studio.renderer.size)
+    if left < 0 or right > studio.renderer.size[0]:
+        raise UserError("the relief does not fit into the image", "--size", "give a wider one")
     part = slice(upper, lower), slice(left, right)
     direct = studio.values("direct")[part].astype(np.float64)
     both = direct + studio.values("albedo")[part] * studio.values("indirect")[part] / np.pi

@@ -12,7 +12,7 @@ from typing import Any, Iterable, Mapping, Sequence
 
 from ssil_viewer import output
 from ssil_viewer.errors import pip_install
-from ssil_viewer.measure.tables import Table, csv_text
+from ssil_viewer.measure.tables import Table, csv_rows
 from ssil_viewer.reproduce import charts
 from ssil_viewer.reproduce.claim import FAILS, HOLDS, UNSEEN, Picture
 from ssil_viewer.reproduce.run import Result
@@ -46,7 +46,7 @@ def write(folder: Path, head: Mapping[str, Any], results: Sequence[Result]) -> N
         UserError: The operating system refused, for example because the disk is full.
     """
     files = contents(head, results)
-    with output.atomic_folder(folder) as fresh:
+    with output.atomic_folder(folder, is_report) as fresh:
         for name, data in files.items():
             (fresh / name).write_bytes(data)
 
@@ -57,13 +57,13 @@ def contents(head: Mapping[str, Any], results: Sequence[Result]) -> dict[str, by
                 for picture in result.finding.pictures}
     drawn = {f"{result.claim.id}-{chart.name}.svg": charts.svg(chart, f"{result.claim.id}-{chart.name}")
              for result in results for chart in result.finding.charts} if charts.available() else {}
-    sheets = {f"{result.claim.id}-{at}.csv": _csv(table) for result in results
+    sheets = {f"{result.claim.id}-{at}.csv": csv_rows([table.headers, *table.rows]) for result in results
               for at, table in enumerate(result.finding.tables, 1)}
     beside = {**pictures, **{name: _whole_svg(svg).encode() for name, svg in drawn.items()},
               **{name: text.encode() for name, text in sheets.items()}}
     data = {"kind": _KIND, "head": dict(head), "claims": [_data(result) for result in results], "files": sorted(beside)}
     return {PAGE: page(head, results, pictures, drawn).encode(),
-            DATA: (json.dumps(data, indent=1, default=float) + "\n").encode(), **beside}
+            DATA: (json.dumps(data, indent=1, default=float, allow_nan=False) + "\n").encode(), **beside}
 
 
 # -- data ----------------------------------------------------------------------------------------------------------
@@ -77,10 +77,6 @@ def _data(result: Result) -> dict[str, Any]:
             "charts": [{"name": chart.name, "x": chart.x_label, "y": chart.y_label, "lines": [
                 {"label": line.label, "points": line.points, "marks": line.marks} for line in chart.lines]}
                 for chart in finding.charts]}
-
-
-def _csv(table: Table) -> str:
-    return csv_text([dict(zip(table.headers, row)) for row in table.rows] or [dict.fromkeys(table.headers, "")])
 
 
 def _picture_name(result: Result, picture: Picture) -> str:
@@ -127,8 +123,8 @@ def page(head: Mapping[str, Any], results: Sequence[Result], pictures: Mapping[s
     if not drawn and any(result.finding.charts for result in results):
         parts.append('<p class="soft">This report has no plots: they take matplotlib: '
                      f"<code>{escape(pip_install('plots'))}</code></p>")
-    quick = " --quick" if str(head.get("effort", "")).startswith("quick") else ""
-    parts += [_section(result, pictures, drawn, quick) for result in results]
+    flags = head.get("flags", "")
+    parts += [_section(result, pictures, drawn, flags) for result in results]
     parts += ["</main>", '<footer><p class="soft">The numbers are in data.json; each table and each picture is a file '
               "of its own beside this page.</p></footer>", "</body>", "</html>", ""]
     return "\n".join(parts)
@@ -142,7 +138,7 @@ def _summary(results: Sequence[Result]) -> str:
             f"<th>measured</th></tr></thead><tbody>{rows}</tbody></table></div>")
 
 
-def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, str], quick: str) -> str:
+def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, str], flags: str) -> str:
     claim, finding = result.claim, result.finding
     parts = [f'<section id="{escape(claim.id)}">', f"<h2>{escape(claim.id)}. {escape(claim.title)}</h2>",
              f'<p class="finding {_CLASSES[finding.verdict]}">{_verdict(result)}<span>: '
@@ -157,7 +153,7 @@ def _section(result: Result, pictures: Mapping[str, bytes], drawn: Mapping[str, 
     parts += [_figure(picture, _picture_name(result, picture), pictures) for picture in finding.pictures]
     parts += [f'<p class="soft">{_prose(note)}</p>' for note in finding.notes]
     # Into a folder of its own: a report takes the place of the one that is there
-    commands = (f"ssil-viewer reproduce -o report-{claim.id} --claims {claim.id}{quick}", *claim.commands)
+    commands = (f"ssil-viewer reproduce -o report-{claim.id} --claims {claim.id} {flags}".rstrip(), *claim.commands)
     parts += ["<h3>To see it again</h3>", *(f"<p><code>{escape(line)}</code></p>" for line in commands), "</section>"]
     return "\n".join(parts)
 

@@ -65,7 +65,7 @@ def constant_cost(lab: Lab) -> Finding:
 
 def constant_verdict(series: list[dict[str, Any]]) -> tuple[str, str]:
     """Holds where every series is flat."""
-    found = {one["name"]: judged(one["worst"] <= scaling.FLAT, one["repeats_within"], scaling.FLAT) for one in series}
+    found = {one["name"]: judged(one["worst"] / scaling.FLAT, one["repeats_within"], scaling.FLAT) for one in series}
     why = "; ".join(f"over {one['name']}, {one['points'][0]['label']} to {one['points'][-1]['label']}, the slowest "
                     f"point takes {percent(one['worst'] - 1)} longer than the fastest" for one in series)
     verdict = FAILS if FAILS in found.values() else UNSEEN if UNSEEN in found.values() else HOLDS
@@ -115,8 +115,9 @@ def timing_table(lab: Lab) -> Finding:
                             times(total / total_first), times(row.groups(*TALK) / base.groups(*TALK))))
     compared = Table(lab.timed("Rows over the first row of the same visibility, the talk (GeForce GTX 260, 1280x720, "
                                "ms from its table) and ours"),
-                     ("start, levels, samples, visibility", "talk: indirect", "over first", "ours, over first",
-                      "our gather, over first", "talk: total", "over first", "ours, over first"), tuple(proportions))
+                     ("start, levels, samples, visibility", "talk: indirect", "over first", "our indirect, over first",
+                      "our gather, over first", "talk: total", "its total, over first", "our total, over first"),
+                     tuple(proportions))
     return Finding(verdict, why, {"total_ms": totals, "clock": lab.clock}, (ours, compared), notes=(
         "Our column 'indirect' holds mipmapping and gather. Mipmapping costs the same in all rows, so the column grows "
         "less than the gather alone.",))
@@ -159,7 +160,7 @@ def visibility_verdict(ratios: dict[str, dict[Any, float]], repeats_within: floa
     horizon, voxel = ratios["horizon"].values(), ratios["voxel"].values()
     why = (f"the gather takes {min(horizon):.2f} to {max(horizon):.2f} times as long with horizon, and "
            f"{min(voxel):.2f} to {max(voxel):.2f} times with voxels (the talk: 16 to 22)")
-    verdict = judged(max(horizon) <= HORIZON_LIMIT, repeats_within, SPREAD_LIMIT)
+    verdict = judged(max(horizon) / HORIZON_LIMIT, repeats_within, SPREAD_LIMIT)
     return verdict, why + (too_busy(repeats_within) if verdict == UNSEEN else "")
 
 
@@ -221,12 +222,10 @@ def level_verdict(level: float, dense: float, repeats_within: float) -> tuple[st
     half as much again."""
     why = (f"a fifth level changes the gather's time by {100 * (level - 1):+.1f} % and doubles the reach; doubling the "
            f"radius with samples as close as before changes it by {100 * (dense - 1):+.0f} %")
-    verdict = judged(level <= LEVEL_LIMIT and dense >= RADIUS_LEAST, repeats_within, LEVEL_LIMIT)
-    if level < 1 / LEVEL_LIMIT:     # more work in less time is no measurement
-        verdict = UNSEEN
-    if verdict == UNSEEN:
-        why += too_busy(repeats_within)
-    return verdict, why
+    if level < 1 / LEVEL_LIMIT:
+        return UNSEEN, why + "; more work in less time is no measurement"
+    verdict = judged(max(level / LEVEL_LIMIT, RADIUS_LEAST / dense), repeats_within, LEVEL_LIMIT)
+    return verdict, why + (too_busy(repeats_within) if verdict == UNSEEN else "")
 
 
 def _reach(lab: Lab, timed: Timed) -> float:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ssil_viewer.errors import UserError
-from ssil_viewer.measure.bench import row_name
+from ssil_viewer.measure.bench import row_name, talk_settings
 from ssil_viewer.measure.groups import TALK
-from ssil_viewer.measure.steadiness import flicker
+from ssil_viewer.measure.steadiness import flicker, pan
 from ssil_viewer.measure.tables import Table, milliseconds
 from ssil_viewer.reference.all_pixels import Surfaces, read_surfaces
 from ssil_viewer.reproduce.claim import (
@@ -24,12 +24,12 @@ from ssil_viewer.reproduce.claim import (
 )
 from ssil_viewer.reproduce.lab import Lab
 from ssil_viewer.reproduce.sampling import all_pixels_sum
-from ssil_viewer.reproduce.speed import talk_rows
 from ssil_viewer.reproduce.studio import tile
 
 STEADIER = 0.8
 NOISE_LEFT = 0.5
 FLICKER_LEFT, COST_SHARE, COST_SPREAD = 0.2, 0.1, 1.25
+_PAN = 0.5              # pixels a frame
 _CREASE_COS, _STEP = 0.9, 0.02      # about 26 degrees; share of the view depth
 _EDGE_WIDTH = 2                     # pixels on each side of an edge that count as at it
 
@@ -169,18 +169,23 @@ def _upsampling_pictures(lab: Lab) -> tuple[Picture, ...]:
 # -- C10 -----------------------------------------------------------------------------------------------------------
 
 def reprojection(lab: Lab) -> Finding:
-    """C10: flicker under a slow pan with and without the temporal filter, and the filter's time."""
-    rows = talk_rows(lab)
+    """C10: flicker under a slow pan with and without the temporal filter, and the filter's time under the same pan."""
     studio = lab.studio
+    studio.aim("builtin:atrium")
+    studio.set()
+    # Voxels have no part in it, and take long
+    settings = [one for one in talk_settings(studio.settings(glossy_samples=0)) if one.visibility != "voxel"]
+    rows = lab.time("the talk's rows under a pan", settings, lab.pick(2, 3),
+                    pan(studio.camera, _PAN, studio.renderer.size[1]))
     costs = {row_name(row.settings): row.least("temporal") for row in rows}
-    shares = [row.least("temporal") / row.frame for row in rows]
+    shares = [row.passes("temporal") / row.frame for row in rows]
     of_indirect = [row.passes("temporal") / row.groups(*TALK) for row in rows]
     found = {}
     for temporal in (False, True):
         lab.say(f"flicker, temporal filter {'on' if temporal else 'off'}", 0.5 + 0.2 * temporal)
         renderer = studio.set(temporal=temporal)
         # The running mean has settled by then
-        found[temporal] = flicker(renderer, studio.camera, 0.5, lab.pick(5, 9), 32 if temporal else 0)
+        found[temporal] = flicker(renderer, studio.camera, _PAN, lab.pick(5, 9), 32 if temporal else 0)
     light = float(studio.values("indirect").mean())
     verdict, why = reprojection_verdict(
         found[True] / found[False], max(shares), max(costs.values()) / min(costs.values()),
@@ -188,8 +193,9 @@ def reprojection(lab: Lab) -> Finding:
     tables = (Table("Change of a surface point's irradiance from frame to frame, over the mean, under a pan of half a "
                     f"pixel a frame; {lab.where}", ("temporal filter", "flicker"),
                     (("off", percent(found[False] / light, 2)), ("on", percent(found[True] / light, 2)))),
-              Table(lab.timed("The temporal pass, ms"), ("start, levels, samples, visibility", "temporal",
-                                                         "share of the frame", "share of the indirect passes"), tuple(
+              Table(lab.timed("The temporal pass under the same pan, ms"),
+                    ("start, levels, samples, visibility", "temporal", "share of the frame",
+                     "share of the indirect passes"), tuple(
                   (name, milliseconds(costs[name]), percent(share), percent(part))
                   for name, share, part in zip(costs, shares, of_indirect))))
     bars = Line("temporal", tuple((float(at), cost) for at, cost in enumerate(costs.values())), tuple(costs), bars=True)
@@ -219,5 +225,5 @@ def reprojection_verdict(left: float, share: float, spread: float, repeats_withi
            f"the frame, and its time in the slowest of the talk's rows is {spread:.2f} times that in the fastest")
     if left > FLICKER_LEFT:
         return FAILS, why
-    verdict = judged(share <= COST_SHARE and spread <= COST_SPREAD, repeats_within, COST_SPREAD)
+    verdict = judged(max(share / COST_SHARE, spread / COST_SPREAD), repeats_within, COST_SPREAD)
     return verdict, why + (too_busy(repeats_within) if verdict == UNSEEN else "")

@@ -22,7 +22,7 @@ FRAMES = 16
 Box = tuple[int, int, int, int]
 """Left, upper, right, lower in pixels of a 1280x720 image."""
 
-_LINES = 720
+_SIZE = (1280, 720)
 
 RAW = Settings(antialias=False)
 """Pictures that show each pixel as the method made it: blocks, noise and edges are what they are for."""
@@ -121,17 +121,25 @@ def label(image: Image.Image, text: str) -> Image.Image:
     return image
 
 
+def scaled_box(box: Box, size: tuple[int, int]) -> Box:
+    """The same part of an image of another size, whose camera has the same vertical field of view and middle."""
+    scale = size[1] / _SIZE[1]
+    left, upper, right, lower = box
+    left, right = (size[0] / 2 + (edge - _SIZE[0] / 2) * scale for edge in (left, right))
+    return round(left), round(upper * scale), round(right), round(lower * scale)
+
+
 def tile(panels: Iterable[tuple[str, Image.Image]], columns: int, size: tuple[int, int], crop: Box | None = None,
          sharp: bool = False) -> Image.Image:
     """Labelled panels of one size in rows, with thin dividers.
 
     Args:
-        crop: Part of each panel that is used; scaled to the panel's own number of lines.
+        crop: Part of each panel that is used, as `scaled_box` takes it.
         sharp: Enlarge without smoothing, so that texels can be seen.
     """
     scaled = []
     for text, image in panels:
-        part = image.crop(tuple(round(edge * image.height / _LINES) for edge in crop)) if crop else image
+        part = image.crop(scaled_box(crop, image.size)) if crop else image
         method = Image.Resampling.NEAREST if sharp else Image.Resampling.LANCZOS
         scaled.append(label(part.resize(size, method), text))
     rows = -(-len(scaled) // columns)

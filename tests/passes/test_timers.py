@@ -175,6 +175,8 @@ def test_what_adding_up_means():
     assert timings("gpu", 10.0, 4.0, 4.0, 2.5).adds_up(), "commands were handed over before the work began"
     assert not timings("gpu", 10.0, 4.0, 2.0, 2.0).adds_up(), "queries miss some work"
     assert not timings("gpu", 10.0, 4.0, 20.0).adds_up()
+    assert timings("gpu", 4.0, 3.8, 0.0).adds_up() is None, "to so long a submission passes of any length would fit"
+    assert timings("gpu", 4.0, 3.8, 5.0).adds_up() is False
 
 
 @pytest.mark.parametrize("settings", [{}, {"visibility": "voxel"}], ids=["off", "voxel"])

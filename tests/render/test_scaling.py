@@ -18,6 +18,7 @@ from ssil_viewer.measure import plots, scaling, tables
 from ssil_viewer.measure.variations import with_lights, with_triangles
 from ssil_viewer.scene import load_scene
 from ssil_viewer.scene.model import Light
+from ssil_viewer.settings import Settings
 from tests import scenes
 from tests.unit.test_bench_parts import parse
 
@@ -142,11 +143,28 @@ def test_a_verdict_says_when_the_machine_is_too_busy_to_tell():
     def verdict(worst, repeats_within):
         series = {"name": "lights", "rule": "flat", "limit": 1.05, "worst": worst, "holds": worst <= 1.05,
                   "repeats_within": repeats_within}
-        return scaling.verdicts({"series": [series], "clock": "clock"})[0]
+        return scaling.verdicts({"series": [series], "left_out": [], "clock": "clock"})[0]
 
     assert verdict(1.02, 1.5) == "lights: flat within 5 %? yes, the slowest takes 2.0 % longer than the fastest"
     assert verdict(1.2, 1.01) == "lights: flat within 5 %? no, the slowest takes 20.0 % longer than the fastest"
     assert "differ by up to 50 %, so the machine is too busy" in verdict(1.2, 1.5)
+    assert "busy" not in verdict(3.0, 1.06), "no disturbance of 6 % makes it three times as slow"
+
+
+def test_series_that_the_scene_has_no_points_for(make_renderer, few_points, monkeypatch):
+    """As many lights as the largest point already, none at all, and no indirect light."""
+    light = scenes.cornell().lights[0]
+    monkeypatch.setattr(scaling, "LIGHTS", scaling.Points((), (1, 16)))
+    for lights, loads in (((light,) * 9, [9, 36]), ((light,), [1, 16])):
+        renderer = make_renderer(replace(scenes.cornell(), lights=lights), (16, 9), samples=1)
+        found = scaling.measure(renderer, CAMERA, quick=True, frames=1, only=("lights",))
+        assert [point["load"] for point in found["series"][0]["points"]] == loads and not found["left_out"]
+    renderer = make_renderer(replace(scenes.cornell(), lights=()), (16, 9), samples=1)
+    found = scaling.measure(renderer, CAMERA, quick=True, frames=1, only=("lights",))
+    assert not found["series"] and scaling.verdicts(found)[0] == "lights: the scene has none"
+    renderer.set_settings(Settings(bounces=0))
+    with pytest.raises(UserError, match="without a bounce there is no indirect light"):
+        scaling.measure(renderer, CAMERA, quick=True, frames=1)
 
 
 def test_flags_that_do_not_go_together(monkeypatch):

@@ -44,8 +44,16 @@ def test_the_reference_reaches_as_far_as_any_candidate(visibility):
     chains = tune.candidates(Settings(visibility=visibility), (1280, 720))
     reference = tune.reference_settings(Settings(visibility=visibility), chains)
     assert reference.visibility == visibility
-    assert reference.last_level == min(max(chain[0].last_level for chain in chains), 7 + reference.start_level)
+    assert reference.last_level == max(chain[0].last_level for chain in chains)
     assert reference.start_level <= 1 and reference.samples >= 256
+
+
+def test_the_reference_of_a_single_level_is_that_level():
+    base = Settings(visibility="voxel")
+    for level in (0, 3):
+        chains = tune.candidates(base, (1280, 720), {"start_level": level, "levels": 1})
+        reference = tune.reference_settings(base, chains)
+        assert (reference.start_level, reference.levels) == (min(level, 1), level - min(level, 1) + 1)
 
 
 def test_what_costs_more_than_something_over_the_budget_is_not_tried():

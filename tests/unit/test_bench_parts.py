@@ -66,6 +66,10 @@ def test_other_settings_hold_for_all_rows_and_pinned_ones_make_rows_fewer(tmp_pa
         (2, 4, 64, "off"), (1, 4, 64, "off"), (1, 5, 64, "off")]
     (tmp_path / "a.toml").write_text("samples = 7\n")
     assert {r.samples for r in command.rows_of(parse("--settings", str(tmp_path / "a.toml")))} == {7}
+    (tmp_path / "b.toml").write_text('start-level = 2\nvisibility = "horizon"\n')
+    rows = command.rows_of(parse("--settings", str(tmp_path / "b.toml")))
+    assert {(r.start_level, r.visibility) for r in rows} == {(2, "horizon")}, "the defaults, but said"
+    assert len(command.rows_of(parse("--preset", "talk-quarter-64"))) == 1
     assert len(talk_settings(Settings())) == 12
 
 
@@ -186,13 +190,16 @@ def test_a_row_that_does_not_add_up_is_pointed_out():
     bad["rows"][1]["adds_up"] = False
     assert not any("add up" in note for note in tables.notes(report()))
     assert any("In 1 row the passes do not add up" in note for note in tables.notes(bad))
+    bad["rows"][1]["adds_up"] = None
+    assert not any("do not add up" in note for note in tables.notes(bad))
+    assert any("In 1 row handing over its commands" in note for note in tables.notes(bad))
 
 
 def test_in_a_terminal_renderer_and_clock_stand_once_ahead_of_short_titles(capsys):
     shown = [tables.sums_table(report()), *tables.pass_tables(report())]
     measuring.print_tables(tables.heading_lines(report()), shown, tables.notes(report()))
     lines = capsys.readouterr().out.splitlines()
-    assert lines[:2] == ["a, b.glb, 64x36, llvmpipe | 256",
+    assert lines[:2] == ["a, b.glb, 64x36, llvmpipe | 256, OpenGL 4.5",
                          "Times are by wall clock, since this OpenGL renders in software."]
     assert sum("wall clock" in line for line in lines) == sum("llvmpipe" in line for line in lines) == 1
     assert [lines.count(table.title) for table in shown] == [1, 1]

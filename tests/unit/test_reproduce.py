@@ -21,6 +21,7 @@ from ssil_viewer.reproduce import run as running
 from ssil_viewer.reproduce.claim import FAILS, HOLDS, UNSEEN, Chart, Claim, Finding, Line, Picture, judged
 from ssil_viewer.reproduce.claims import CLAIMS, chosen
 from ssil_viewer.reproduce.run import Result
+from ssil_viewer.reproduce.studio import scaled_box
 from ssil_viewer.settings import Settings
 
 # -- verdicts ------------------------------------------------------------------------------------------------------
@@ -109,7 +110,26 @@ def test_sponza():
 
 
 def test_a_busy_machine_cannot_refute():
-    assert [judged(True, 9.0, 1.1), judged(False, 1.05, 1.1), judged(False, 1.2, 1.1)] == [HOLDS, FAILS, UNSEEN]
+    assert [judged(1.0, 9.0, 1.1), judged(1.02, 1.05, 1.1), judged(1.15, 1.2, 1.1)] == [HOLDS, FAILS, UNSEEN]
+    assert judged(2.0, 1.2, 1.1) == FAILS, "no disturbance of a fifth makes it twice as slow"
+
+
+def test_a_level_that_costs_less_than_nothing_is_no_measurement():
+    verdict, why = speed.level_verdict(0.93, 1.9, 1.004)
+    assert verdict == UNSEEN and "more work in less time" in why and "busy" not in why
+
+
+def test_columns_of_one_name_are_all_in_the_csv():
+    table = Table("t", ("name", "over", "over"), (("a", "1", "2"),))
+    files = report.contents({}, [Result(claim("C1"), Finding(HOLDS, "w", tables=(table,)))])
+    assert files["C1-1.csv"].decode() == "name,over,over\na,1,2\n"
+
+
+def test_a_part_of_the_picture_is_found_at_any_size():
+    box = (470, 195, 730, 450)
+    assert scaled_box(box, (1280, 720)) == box
+    assert scaled_box(box, (640, 360)) == (235, 98, 365, 225)
+    assert scaled_box(box, (720, 720)) == (190, 195, 450, 450), "the middle stays in the middle"
 
 
 def test_edges_are_steps_and_creases_but_not_slopes():
@@ -331,6 +351,23 @@ def test_folders_that_cannot_be(tmp_path, monkeypatch):
     monkeypatch.setattr(output.os, "access", lambda *_: False)
     with pytest.raises(UserError, match="no right to write"):
         output.check_folder("new", report.is_report)
+
+
+def test_a_mounted_volume_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
+    monkeypatch.setattr(output.os.path, "ismount", lambda path: path == tmp_path / "volume")
+    (tmp_path / "volume").mkdir()
+    with pytest.raises(UserError, match="mounted volume"):
+        output.check_folder(tmp_path / "volume", report.is_report)
+
+
+def test_what_came_into_the_folder_meanwhile_stays(tmp_path):
+    target = tmp_path / "out"
+    report.write(target, HEAD, RESULTS[:1])
+    output.check_folder(target, report.is_report)
+    (target / "mine.txt").write_text("keep")
+    with pytest.raises(UserError, match="other files by now"):
+        report.write(target, HEAD, RESULTS)
+    assert (target / "mine.txt").read_text() == "keep" and names(tmp_path) == {"out"}
 
 
 @pytest.mark.parametrize("failure, expected", [(OSError(28, "No space left on device"), UserError),
