@@ -18,6 +18,7 @@ import numpy as np
 from ssil_viewer.errors import UserError
 from ssil_viewer.frame import Frame
 from ssil_viewer.frame_uniforms import view_from_matrices
+from ssil_viewer.gpu.gl import GLFunctions
 from ssil_viewer.gpu.light_table import perspective
 from ssil_viewer.gpu.timers import Timings
 from ssil_viewer.pass_runner import PassRunner
@@ -75,6 +76,7 @@ class IndirectLighting:
                  stage: Literal["auto", "compute", "fragment"] = "auto", timed: bool = False) -> None:
         settings = _own_settings(settings)
         self._context = context
+        self._gl = GLFunctions(context)
         with self._own_state():
             self._runner = PassRunner(context, FRAME, size, settings, stage=stage, timed=timed)
         self._units = max(len(p.reads) + len(p.tables) for p in self._runner.passes if isinstance(p, ScreenPass))
@@ -162,7 +164,7 @@ class IndirectLighting:
             tables["host_motion"] = motion
         # z_ndc = 2 depth - 1 = -clip[2, 2] + clip[2, 3] / view_depth
         unproject = (float(view.clip_from_view[2, 3]) / 2, float(view.clip_from_view[2, 2] - 1) / 2)
-        with self._own_state(), self._runner.gl.saved_bindings(self._units):
+        with self._own_state(), self._gl.saved_bindings(self._units):
             for unit in range(self._units):
                 self._sampler.use(unit)
             with self._runner.frame():
@@ -178,7 +180,8 @@ class IndirectLighting:
         host, wireframe = context.fbo, context.wireframe
         scope = context.scope(host or context.detect_framebuffer(), moderngl.NOTHING)
         try:
-            with scope:
+            with self._gl.saved_masks(), scope:
+                self._gl.unmask()    # which the scope set as the host's framebuffer has them
                 context.wireframe = False
                 try:
                     yield

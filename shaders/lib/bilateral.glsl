@@ -23,7 +23,7 @@ ivec2 window_tap(ivec2 px, int column, int row, ivec2 last) {
 // 5x5 texels with half weights along the rim: a quarter less of what is random, for half as many taps more. x: -2 to 2, row: 0 to 4.
 ivec2 soft_window_tap(ivec2 px, int x, int row, ivec2 last) { return clamp(px + ivec2(x, row - 2), ivec2(0), last); }
 
-float soft_window_weight(int x, int row) { return (abs(x) == 2 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
+float soft_window_weight(int x, int row) { return (x * x == 4 ? 0.5 : 1.0) * (row % 4 == 0 ? 0.5 : 1.0); }
 
 // Rows of a window, 4 or 5. CPUs' compilers must keep the loop over the uniform `window`: unrolled it takes them long.
 // A GPU waits for less with all of it in flight.

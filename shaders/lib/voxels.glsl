@@ -60,7 +60,9 @@ float way_off(VoxelEnd end, VoxelEnd other) {
 // texels of its ends. far_grid: the second texture; any if there are 128 slices.
 bool voxels_block(usampler2D grid, usampler2D far_grid, Slicing slicing, VoxelEnd start, VoxelEnd end) {
     ivec2 way = end.px - start.px;
-    int count = max(abs(way.x), abs(way.y));
+    // Without abs(), which some drivers of Intel get wrong for integers
+    ivec2 steps_along = max(way, -way);
+    int count = max(steps_along.x, steps_along.y);
     float unit = 1.0 / float(max(count, 1));
     // Texel i is crossed from (i - 1/2) to (i + 1/2) steps
     float steps = float(count);

@@ -79,7 +79,8 @@ vec4 averaged_irradiance(ivec2 px, Surface surface, Previous previous) {
 #endif
     float longest = mix(float(frame.history_frames), frame.changed_frames, changed);
     float count = min(history.a + 1.0, longest);
-    return vec4(mix(history.rgb, current, 1.0 / count), count);
+    // Turned light may be more than half floats hold, and an infinite mean would stay so and spread to whoever finds it
+    return vec4(finite_half(mix(history.rgb, current, 1.0 / count)), count);
 }
 
 #ifdef HAS_GLOSSY_LIGHT

@@ -25,6 +25,9 @@ class GlfwWindow(Window):
     def __init__(self, **options: Any) -> None:
         self.dropped: Callable[[list[Path]], None] = lambda paths: None
         super().__init__(**options)
+        # On a scaled desktop of Windows or X11 glfw makes the window larger than asked for, which no callback tells:
+        # clicks would land beside what they are meant for.
+        self._width, self._height = glfw.get_window_size(self._window)
         # Escape closes popups here, and F11 goes through the table of keys.
         self.exit_key = None
         self.fullscreen_key = None

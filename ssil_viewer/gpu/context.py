@@ -14,7 +14,8 @@ _COMPUTE_GL_CODE = 430
 # What to ask for, best first. Some drivers give exactly what is asked for (NVIDIA's EGL does), others the newest that
 # is compatible (Mesa), so asking for the least would leave the former without compute shaders.
 WANTED_GL = (_COMPUTE_GL_CODE, 410, 330)
-_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader", "microsoft basic render")
+_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader", "microsoft basic render",
+                       "apple software renderer")
 
 
 @dataclass(frozen=True)

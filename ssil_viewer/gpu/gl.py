@@ -23,6 +23,7 @@ _UNIFORM_BUFFER, _UNIFORM_BUFFER_BINDING, _UNIFORM_BUFFER_START, _UNIFORM_BUFFER
 _COLOR, _DEPTH = 0x1800, 0x1801
 _COLOR_LOGIC_OP = 0x0BF2
 _FRAMEBUFFER = 0x8D40
+_SCISSOR_TEST, _COLOR_WRITEMASK, _MAX_DRAW_BUFFERS = 0x0C11, 0x0C23, 0x8824
 _COPY, _LOGIC_OPERATIONS = 0x1503, {"xor": 0x1506, "or": 0x1507}
 # Largest numbers of image units, of images in a compute shader, and of images, buffers and outputs together
 _IMAGE_LIMITS = 0x8F38, 0x91BD, 0x8F39
@@ -89,6 +90,29 @@ class GLFunctions:
                 bind_range(_UNIFORM_BUFFER, 0, buffer.value, start.value, size.value)
             else:
                 bind_buffer(_UNIFORM_BUFFER, 0, buffer.value)
+
+    @contextmanager
+    def saved_masks(self) -> Iterator[None]:
+        """Put back, at the end, the scissor test and the color masks, which `unmask` takes away."""
+        scissor, masks = self._integer(_SCISSOR_TEST), []
+        get = self._function("glGetBooleani_v", ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
+        for at in range(self._integer(_MAX_DRAW_BUFFERS)):
+            mask = (ctypes.c_ubyte * 4)()
+            get(_COLOR_WRITEMASK, at, ctypes.byref(mask))
+            masks.append(tuple(mask))
+        try:
+            yield
+        finally:
+            set_mask = self._function("glColorMaski", ctypes.c_uint, *(ctypes.c_ubyte,) * 4)
+            for at, mask in enumerate(masks):
+                set_mask(at, *mask)
+            if scissor:
+                self._context.enable_direct(_SCISSOR_TEST)
+
+    def unmask(self) -> None:
+        """Let every fragment be written, whatever framebuffer was bound before."""
+        self._context.disable_direct(_SCISSOR_TEST)
+        self._function("glColorMask", *(ctypes.c_ubyte,) * 4)(1, 1, 1, 1)
 
     def clear(self, integer: Sequence[bool], depth: bool) -> None:
         """Set the bound framebuffer's colors to zero and its depth to the farthest.

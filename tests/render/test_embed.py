@@ -210,6 +210,39 @@ def test_the_hosts_state_stays(host, lighting):
         sampler.clear(unit)
 
 
+def test_a_hosts_scissor_and_color_mask_clip_nothing_and_stay(host, lighting):
+    """In later frames, too, when all of the passes' own framebuffers have been made."""
+    screen = host.context.simple_framebuffer(SIZE)
+    screen.use()
+    def frames():
+        lighting.reset_history()
+        return [read(lighting.compute(**host.inputs()), "f2", 4)[..., :3] for _ in range(4)]
+
+    expected = frames()
+    screen.scissor = (3, 4, 5, 6)
+    screen.color_mask = (True, False, True, False)
+    screen.use()
+    for frame, found in enumerate(frames()):
+        assert np.array_equal(found, expected[frame]), frame
+    screen.use()
+    screen.scissor = None
+    screen.color_mask = (True, True, True, True)
+    screen.clear()
+    screen.scissor = (3, 4, 5, 6)
+    screen.color_mask = (True, False, True, False)
+    screen.use()
+    lighting.compute(**host.inputs())
+    fill = host.context.program("""#version 330
+        void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }""",
+                                """#version 330
+        out vec4 result;
+        void main() { result = vec4(1.0); }""")
+    host.context.vertex_array(fill, []).render(vertices=3)
+    drawn = np.frombuffer(screen.read(), np.uint8).reshape(SIZE[1], SIZE[0], 3) / 255
+    assert drawn[4:10, 3:8, [0, 2]].min() == 1 and drawn[..., 1].max() == 0
+    assert drawn.sum() == 2 * 5 * 6
+
+
 def test_what_does_not_fit_is_named(host, context):
     lighting = IndirectLighting(context, SIZE, SETTINGS)
     small = context.texture((4, 4), 4, dtype="f4")
