@@ -20,7 +20,7 @@ help:
 
 run:
 	@sh tools/setup.sh run
-	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] || [ "$$(uname)" = Darwin ]; then \
+	@if [ -n "$$DISPLAY" ] || [ "$$(uname)" = Darwin ]; then \
 		exec $(PY) -m ssil_viewer view "$(SCENE)" $(ARGS); \
 	else \
 		echo "No display: rendering the first frame to a file instead."; \

@@ -61,6 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UserError as error:
         return _complain(str(error), 2, debug)
     except OSError as error:
+        if sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None:
+            _give_up_stdout()   # how Windows says that the reader has gone
+            return 141
         if error.errno != errno.ENOSPC or error.filename is not None:
             return _complain_of_fault(error, debug)
         _give_up_stdout()
@@ -129,6 +132,8 @@ def _prepare_process() -> None:
     for stream in (sys.stdout, sys.stderr):
         if stream is not None and hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+            if sys.platform == "win32" and not stream.isatty():
+                stream.reconfigure(encoding="utf-8")    # what reads JSON and TOML from a pipe expects
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
 
 

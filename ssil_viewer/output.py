@@ -54,6 +54,12 @@ def check_target(path: str | os.PathLike[str], suffixes: tuple[str, ...] = ()) -
     return target
 
 
+def working_folder() -> Path:
+    """The working directory. Raises UserError where it is not there any more."""
+    with _as_user_error("the working directory"):
+        return Path.cwd()
+
+
 def check_folder(path: str | os.PathLike[str], replaceable: Callable[[Path], bool]) -> Path:
     """Refuses early a folder that `atomic_folder` could not make or should not replace.
 

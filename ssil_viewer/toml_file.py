@@ -19,7 +19,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
         UserError: It cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise UserError(f"{what} cannot be read", str(path), error.strerror or str(error)) from error
     except UnicodeDecodeError as error:

@@ -27,6 +27,8 @@ ivec2 dealt_out(int index, int bits) {
     return place;
 }
 
+const float SAME_NORMAL = 0.9998;   // as in reference/all_pixels.py
+
 struct Slice {
     vec3 light;
 #ifdef RAYS
@@ -51,7 +53,9 @@ Slice add_up(Receiver receiver, ivec2 corner, uint random) {
             Sender sender = look_at(receiver, at);
             if (!is_seen(sender)) continue;
 #ifdef TRIANGLE_NORMALS
-            sender.normal = decode_direction16(load_motion(at).w);
+            // Kept to a degree: a grazing sender's area would be wrong by per cents. Where they agree, the surface's own is exact
+            vec3 of_triangle = decode_direction16(load_motion(at).w);
+            if (dot(of_triangle, sender.normal) < SAME_NORMAL) sender.normal = of_triangle;
 #endif
             float cosine = max(dot(receiver.normal, sender.offset), 0.0) * sender.inverse_distance;
             float factor = PI * cosine * form_factor(sender, 1.0);

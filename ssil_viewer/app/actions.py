@@ -9,7 +9,7 @@ from typing import Callable, get_args
 
 import numpy as np
 
-from ssil_viewer import saved_view
+from ssil_viewer import output, saved_view
 from ssil_viewer.app.benchmark import WindowBenchmark
 from ssil_viewer.app.camera_actions import CameraActions, WindowControl, shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice
@@ -175,7 +175,7 @@ class Actions(CameraActions, LightActions):
                                     self.state.motion.applied(self.state.lights))
         details = {"renderer": self._renderer.capabilities.renderer, "opengl": self._renderer.capabilities.version,
                    "size": [rgb.shape[1], rgb.shape[0]]}
-        path = saved_view.save_picture(Path.cwd(), rgb, view, details)
+        path = saved_view.save_picture(output.working_folder(), rgb, view, details)
         self.state.say(f"Saved {path}")
 
     @shows_errors
@@ -194,7 +194,7 @@ class Actions(CameraActions, LightActions):
     @shows_errors
     def save_settings(self) -> None:
         """Write the settings that differ from the defaults to the working directory, under a new name."""
-        self.state.say(f"Saved {saved_view.save_settings(Path.cwd(), self.state.settings)}")
+        self.state.say(f"Saved {saved_view.save_settings(output.working_folder(), self.state.settings)}")
 
     def undo(self) -> None:
         """Take the last change of settings, A or B, lights or environment back."""
@@ -238,7 +238,7 @@ class Actions(CameraActions, LightActions):
     @shows_errors
     def save_benchmark(self) -> None:
         """Write what was measured to the working directory."""
-        self.state.say(f"Saved {self.benchmark.save(Path.cwd())}")
+        self.state.say(f"Saved {self.benchmark.save(output.working_folder())}")
 
     # The scene
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any, Callable, Iterator
 
 import glfw
 from moderngl_window.context.glfw.window import Window
@@ -20,14 +21,17 @@ class GlfwWindow(Window):
 
     Attributes:
         dropped: Called with the paths of dropped files.
+        refused: Called with what to say of a dropped file that has no usable name.
     """
 
     def __init__(self, **options: Any) -> None:
         self.dropped: Callable[[list[Path]], None] = lambda paths: None
+        self.refused: Callable[[str], None] = lambda text: None
         super().__init__(**options)
         # On a scaled desktop of Windows or X11 glfw makes the window larger than asked for, which no callback tells:
         # clicks would land beside what they are meant for.
         self._width, self._height = glfw.get_window_size(self._window)
+        self._stay_on_the_monitor(options["size"])
         # Escape closes popups here, and F11 goes through the table of keys.
         self.exit_key = None
         self.fullscreen_key = None
@@ -36,6 +40,30 @@ class GlfwWindow(Window):
         glfw.set_framebuffer_size_callback(
             self._window, lambda handle, *_: self.glfw_window_resize_callback(handle, *glfw.get_window_size(handle)))
         glfw.set_window_size_limits(self._window, 320, 200, glfw.DONT_CARE, glfw.DONT_CARE)
+
+    def _stay_on_the_monitor(self, asked: tuple[int, int]) -> None:
+        """Make a window that the desktop has enlarged no larger than what the monitor has room for."""
+        monitor = glfw.get_primary_monitor()
+        if self.size == asked or not monitor:
+            return
+        left, top, right, bottom = glfw.get_window_frame_size(self._window)
+        _, _, width, height = glfw.get_monitor_workarea(monitor)
+        room = width - left - right, height - top - bottom
+        if min(room) > 0 and (self.width > room[0] or self.height > room[1]):
+            glfw.set_window_size(self._window, min(self.width, room[0]), min(self.height, room[1]))
+
+    def swap_buffers(self) -> None:
+        """Show what was drawn, and hear what happened meanwhile."""
+        with self._odd_names_refused():
+            super().swap_buffers()
+
+    @contextmanager
+    def _odd_names_refused(self) -> Iterator[None]:
+        """glfw for Python raises out of its loop of events where a dropped file's name is no UTF-8."""
+        try:
+            yield
+        except UnicodeDecodeError:
+            self.refused("a file whose name is not Unicode cannot be opened from here, rename it")
 
     @property
     def handle(self) -> Any:
@@ -53,9 +81,22 @@ class GlfwWindow(Window):
         scale = glfw.get_window_content_scale(self._window)[0]
         return max(scale / max(self.buffer_width / max(self.width, 1), 1e-3), 0.5)
 
+    @staticmethod
+    def labelled(key: int) -> int:
+        """The key that has on an American keyboard what this one's cap says: glfw names keys by their place there.
+
+        Letters and what keys of the program need beside them; others are themselves, as digits of a French keyboard,
+        which write other characters.
+        """
+        name = (glfw.get_key_name(key, 0) or "").upper() if 0 <= key < 256 else ""    # beyond are no characters
+        if len(name) == 1 and (name in "[],." or "A" <= name <= "Z"):
+            return ord(name)    # the codes of glfw's printable keys are those of ASCII
+        return key
+
     def wait(self, seconds: float) -> None:
         """Sleep until something happens, at most so long."""
-        glfw.wait_events_timeout(seconds)
+        with self._odd_names_refused():
+            glfw.wait_events_timeout(seconds)
 
 
 def open_window(title: str, size: tuple[int, int], vsync: bool = True) -> GlfwWindow:

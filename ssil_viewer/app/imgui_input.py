@@ -39,6 +39,9 @@ class ImguiInput:
         self._window = window
         self._keys = {getattr(window.keys, name): getattr(imgui.Key, imgui_name)
                       for name, imgui_name in _NAMES.items() if hasattr(window.keys, name)}
+        self._keys |= {glfw.KEY_KP_ENTER: imgui.Key.keypad_enter}   # moderngl-window has no name for it
+        # Ctrl and Cmd both come as Ctrl (window.py), on every system; imgui would swap them on macOS
+        self._io.config_mac_osx_behaviors = False
         platform = imgui.get_platform_io()
         platform.platform_get_clipboard_text_fn = lambda _: (glfw.get_clipboard_string(handle) or b"").decode()
         platform.platform_set_clipboard_text_fn = lambda _, text: glfw.set_clipboard_string(handle, text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ssil_viewer import saved_view
+from ssil_viewer import output, saved_view
 from ssil_viewer.app.camera_actions import shows_errors
 from ssil_viewer.app.exposure_choice import ExposureChoice
 from ssil_viewer.app.light_motion import LightMotion
@@ -35,7 +35,7 @@ class LightActions:
     def save_lights(self) -> None:
         """Write the lights, those that move where they are now, to the working directory, under a new name."""
         lights = self.state.motion.applied(self.state.lights)
-        self.state.say(f"Saved {saved_view.save_lights(Path.cwd(), lights)}")
+        self.state.say(f"Saved {saved_view.save_lights(output.working_folder(), lights)}")
 
     def pause_light(self) -> None:
         """Pause or resume the moving light; the first light moves when none did."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,8 @@ _READING_INTERVAL = 0.2    # s; each reading waits for the GPU
 _HINT_FRAME = 5            # by then shaders are compiled
 _SLOW_FRAME = 0.5          # s
 _INSPECTED = ("final", "direct", "indirect", "albedo", "normal", "view_depth")
-_MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
+_COMMAND = (glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER) if sys.platform == "darwin" else ()
+_MODIFIERS = {"ctrl": (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL, *_COMMAND),
               "shift": (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
               "alt": (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT)}
 
@@ -320,6 +322,7 @@ class Viewer:
         window.mouse_scroll_event_func = self._on_wheel
         window.resize_func = self._on_resize
         window.dropped = self._on_drop
+        window.refused = lambda text: self.state.say(text, "error")
 
     def _code(self, chord: Chord) -> tuple[int, bool, bool]:
         return getattr(self._window.keys, chord.key), chord.ctrl, chord.shift
@@ -336,14 +339,15 @@ class Viewer:
         keys = self._window.keys
         down = action != keys.ACTION_RELEASE
         (self._held.add if down else self._held.discard)(key)
-        ctrl, shift = self._held_modifier("ctrl"), self._held_modifier("shift")
-        self._input.key(key, down, ctrl, shift, self._held_modifier("alt"))
-        if action != keys.ACTION_PRESS or self._keys_are_taken():
+        ctrl, shift, alt = (self._held_modifier(name) for name in ("ctrl", "shift", "alt"))
+        labelled = self._window.labelled(key)
+        self._input.key(labelled, down, ctrl, shift, alt)
+        if action != keys.ACTION_PRESS or self._keys_are_taken() or alt:    # with AltGr keys write other characters
             return
         flying = self.state.camera.mode == "fly" and not ctrl
         if flying and key in (getattr(keys, name) for name in MOVEMENT_KEYS):
             return
-        name, digit = self._key_actions.get((key, ctrl, shift), ("", None))
+        name, digit = self._key_actions.get((labelled, ctrl, shift), ("", None))
         if name:
             getattr(self.actions, name)(*([digit] if digit is not None else []))
 

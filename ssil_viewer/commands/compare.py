@@ -232,13 +232,23 @@ _MEANINGS = {
 }
 
 
+IRRADIANCE_COLUMNS = "R1", "R2", "R3_shown", "R3"
+
+
+def error_of_irradiance(row: dict[str, Any], reference: str) -> float | None:
+    """Relative RMSE of a method's irradiance. None also for ambient light that was fitted to R3's image, of the
+    references that hold only what the image shows: it would be compared with other light than it stands for."""
+    if "ambient" in row and row["image"] and reference != "R3":
+        return None
+    return row["irradiance"].get(reference, {}).get("relative_rmse")
+
+
 _METHOD_COLUMNS: dict[str, Callable[[dict[str, Any]], str]] = {
     "samples": lambda row: str(row.get("samples", "-")),
     "ms": lambda row: f"{row['ms']:.3g}",
     "image": lambda row: _number((row["image"] or {}).get("relative_rmse")),
     "FLIP": lambda row: _number((row["image"] or {}).get("flip")),
-    **{name: lambda row, name=name: _number(row["irradiance"].get(name, {}).get("relative_rmse"))
-       for name in ("R1", "R2", "R3_shown")},
+    **{name: lambda row, name=name: _number(error_of_irradiance(row, name)) for name in IRRADIANCE_COLUMNS},
 }
 
 

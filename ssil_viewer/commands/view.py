@@ -77,9 +77,8 @@ def check_display() -> None:
     """Raises UserError where no window can be opened."""
     if sys.platform.startswith(("win", "darwin", "cygwin")):
         return
-    if not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
-        raise UserError(
-            "there is no display to open a window on",
-            "DISPLAY and WAYLAND_DISPLAY are not set",
-            "use ssil-viewer render SCENE -o image.png, or start it with xvfb-run",
-        )
+    if not os.environ.get("DISPLAY"):
+        only_wayland = os.environ.get("WAYLAND_DISPLAY")
+        raise UserError("there is no display to open a window on", "DISPLAY is not set",
+                        "start Xwayland, which Wayland shows X windows by" if only_wayland else
+                        "use ssil-viewer render SCENE -o image.png, or start it with xvfb-run")

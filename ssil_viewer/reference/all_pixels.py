@@ -44,6 +44,16 @@ class Surfaces:
     visible: np.ndarray
 
 
+SAME_NORMAL = 0.9998
+"""Cosine from which on the triangle's normal, which the image keeps to a degree, is taken for the shading normal, which
+it keeps to a tenth of that: 1.15 degrees. shaders/reference/sum.glsl has the same."""
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    vectors = vectors.astype(np.float64)
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
 def read_surfaces(renderer: Renderer, camera: Camera, level: int = 0, triangles: bool = False) -> Surfaces:
     """What the last frame of `renderer` holds at one level.
 
@@ -53,8 +63,11 @@ def read_surfaces(renderer: Renderer, camera: Camera, level: int = 0, triangles:
             sent 21 % too much.
     """
     depth = renderer.read("view_depth", level).astype(np.float64)
-    normal = renderer.read("triangle_normal" if triangles else "normal", level).astype(np.float64)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    normal = _unit(renderer.read("normal", level))
+    if triangles:
+        of_triangle = _unit(renderer.read("triangle_normal", level))
+        other = (of_triangle * normal).sum(-1) < SAME_NORMAL
+        normal[other] = of_triangle[other]
     height, width = depth.shape
     image_width, image_height = renderer.size
     tan_y = np.tan(camera.vertical_fov / 2)
@@ -167,8 +180,10 @@ def irradiance(senders: Surfaces, radiance: np.ndarray, position: np.ndarray, no
 
 def random_blocks(visible: np.ndarray, count: int, side: int = 8, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns, each (B, side, side), of `count` random aligned blocks of pixels; those that see background
-    are left out."""
+    are left out. None of an image that is smaller than one."""
     height, width = visible.shape
+    if min(height, width) < side:
+        return (np.zeros((0, side, side), int),) * 2
     rng = np.random.default_rng(seed)
     top = rng.integers(0, height // side, count) * side
     left = rng.integers(0, width // side, count) * side

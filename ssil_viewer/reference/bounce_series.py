@@ -42,7 +42,7 @@ def bounce_series(scene: Scene, *, size: tuple[int, int], settings: Settings, ca
     Raises:
         UserError: No OpenGL, or a size or camera that cannot be rendered.
     """
-    view, description = camera_description(camera, size), describe(scene, settings)
+    view, description = camera_description(camera, size, scene), describe(scene, settings)
     of_pass = min(_SPP_OF_PASS, max(1, spp // 2))
     tasks = [ImageTask(f"bounces{b}", view, b, spp, of_pass, seconds, seed=b + 1) for b in range(MOST_BOUNCES + 1)]
     tasks.append(ImageTask("all", view, None, 4 * spp, of_pass, 4 * seconds))

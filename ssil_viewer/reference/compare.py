@@ -337,8 +337,8 @@ class _Comparing:
             return {}
         description = describe(self._scene, self._settings)
         tasks: list[ImageTask | IrradianceTask] = [ImageTask(
-            "image", camera_description(self._camera, self._size), _path_bounces(self._settings), self._effort.spp,
-            min(_SPP_OF_PASS, max(1, self._effort.spp // 2)), self._effort.seconds)]
+            "image", camera_description(self._camera, self._size, self._scene), _path_bounces(self._settings),
+            self._effort.spp, min(_SPP_OF_PASS, max(1, self._effort.spp // 2)), self._effort.seconds)]
         if len(self._rows):
             tasks.insert(0, self._irradiance_task(receivers, read_surfaces(renderer, self._camera, triangles=True)))
         begun = time.perf_counter()

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ssil_viewer.frame_uniforms import make_view
 from ssil_viewer.reference.mitsuba_lights import Notes, light_description
 from ssil_viewer.scene.environment import Environment
 from ssil_viewer.scene.model import Camera, Image, Instance, Material, Primitive, Scene, TextureRef
@@ -85,10 +86,11 @@ def describe(scene: Scene, settings: Settings = Settings()) -> Description:
     return found
 
 
-def camera_description(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
-    """The camera as Mitsuba's sensor; the box filter makes a pixel the mean over its square."""
-    distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
-    return {"fov": math.degrees(camera.vertical_fov), "near_clip": camera.near or 1e-4 * distance,
+def camera_description(camera: Camera, size: tuple[int, int], scene: Scene) -> dict[str, Any]:
+    """The camera as Mitsuba's sensor, with the clip planes that the viewer has for the scene; the box filter makes a
+    pixel the mean over its square."""
+    view = make_view(camera, size, np.zeros(3), np.stack(scene.bounds()))
+    return {"fov": math.degrees(camera.vertical_fov), "near_clip": view.near, "far_clip": view.far,
             "eye": list(camera.eye), "target": list(camera.target), "up": list(camera.up),
             "width": size[0], "height": size[1]}
 

@@ -65,7 +65,7 @@ class World:
         mi = self._mi
         return mi.load_dict({
             "type": "perspective", "fov": camera["fov"], "fov_axis": "y", "near_clip": camera["near_clip"],
-            "far_clip": 1e7 * camera["near_clip"], "to_world": mi.ScalarTransform4f().look_at(
+            "far_clip": camera["far_clip"], "to_world": mi.ScalarTransform4f().look_at(
                 origin=camera["eye"], target=camera["target"], up=camera["up"]),
             "sampler": {"type": "independent"},
             "film": {"type": "hdrfilm", "width": camera["width"], "height": camera["height"], "pixel_format": "rgb",

@@ -162,14 +162,14 @@ def test_the_menu_says_what_has_an_effect(viewer, monkeypatch):
     open_menu()
     assert items["Auto exposure"][1] == "M"
     error, beside = "Error in place of the reference", "Our image beside it"
-    assert items["None"][2] and not items["R1: sum over all pixels"][2]
+    assert items["None"][2] and not items["R1: sum over all texels"][2]
     assert not items[error][3] and not items[beside][3]
     click(viewer, items[error][0])
     assert viewer.state.reference_view == "image", "no effect, so it cannot be chosen"
-    click(viewer, items["R1: sum over all pixels"][0])
+    click(viewer, items["R1: sum over all texels"][0])
     assert viewer.state.reference == "R1" and not imgui.is_popup_open("", ANY_POPUP)
     open_menu()
-    assert items["R1: sum over all pixels"][2] and items[error][1:] == ("V", False, True)
+    assert items["R1: sum over all texels"][2] and items[error][1:] == ("V", False, True)
     click(viewer, items[error][0])
     assert viewer.state.reference_view == "error"
 

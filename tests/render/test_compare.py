@@ -200,7 +200,7 @@ def test_a_process_that_dies_is_told_of(monkeypatch):
     with pytest.raises(ReferenceFailure, match="does not work here.*LLVM ERROR: Cannot select.*mitsuba"):
         path_traced.working_variant()
     path_traced.working_variant.cache_clear()
-    task = ImageTask("image", camera_description(scenes.CORNELL_CAMERA, SIZE), 0, 2, 1, 1.0)
+    task = ImageTask("image", camera_description(scenes.CORNELL_CAMERA, SIZE, scenes.cornell()), 0, 2, 1, 1.0)
     with pytest.raises(ReferenceFailure, match="ended before it was done.*LLVM ERROR: Cannot select"):
         path_traced.path_trace(describe(scenes.cornell()), [task], variant="llvm_ad_rgb")
 

@@ -36,7 +36,7 @@ WHITE = Material(base_color=(0.8, 0.6, 0.4, 1.0), specular=0.0)
 
 def traced(scene, camera, bounces, spp=8, size=SIZE, variant=VARIANT):
     """(H, W, 3) image."""
-    task = ImageTask("image", camera_description(camera, size), bounces, spp, max(spp // 2, 1), 100.0)
+    task = ImageTask("image", camera_description(camera, size, scene), bounces, spp, max(spp // 2, 1), 100.0)
     return path_trace(describe(scene), [task], variant=variant)["image"]["image"]
 
 
@@ -166,7 +166,7 @@ def test_environment_with_strength_and_turn():
     camera = Camera(eye=(1.6, 1.5, 2.4), target=(0, 0.5, 0), vertical_fov=0.6)
     settings = Settings(bounces=0, environment_rotation=50.0, environment_strength=1.0)
     ours = headless.render(scene, size=SIZE, camera=camera, settings=settings)
-    task = ImageTask("image", camera_description(camera, SIZE), 0, 32, 16, 100.0)
+    task = ImageTask("image", camera_description(camera, SIZE, scene), 0, 32, 16, 100.0)
     truth = path_trace(describe(scene, settings), [task], variant=VARIANT)["image"]["image"]
     seen = ours["view_depth"] > 0
     for axis in range(3):
@@ -351,4 +351,5 @@ def test_a_job_that_fails_says_why():
     broken = describe(scenes.cornell())
     broken.bsdfs[0] = {"type": "no such thing"}
     with pytest.raises(ReferenceFailure, match="ended before it was done.*no such thing"):
-        path_trace(broken, [ImageTask("image", camera_description(CAMERA, SIZE), 0, 2, 1, 10.0)], variant=VARIANT)
+        task = ImageTask("image", camera_description(CAMERA, SIZE, scenes.cornell()), 0, 2, 1, 10.0)
+        path_trace(broken, [task], variant=VARIANT)

@@ -324,6 +324,9 @@ def test_view_without_a_display_says_so(monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(UserError, match="no display.*use ssil-viewer render"):
         view.check_display()
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    with pytest.raises(UserError, match="no display.*start Xwayland"):
+        view.check_display()
 
 
 def test_a_reader_that_goes_away_is_no_error():

@@ -198,7 +198,11 @@ def test_spots_fall_off_as_in_gltf():
 
 
 def test_the_camera():
-    found = camera_description(Camera(eye=(1, 2, 3), target=(0, 0, 0), vertical_fov=1.0), (64, 32))
+    found = camera_description(Camera(eye=(1, 2, 3), target=(0, 0, 0), vertical_fov=1.0), (64, 32), scenes.cornell())
     assert (found["width"], found["height"]) == (64, 32)
     assert found["fov"] == pytest.approx(math.degrees(1.0))
-    assert 0 < found["near_clip"] < 0.01
+    assert 0 < found["near_clip"] < 3 and found["far_clip"] > 5
+    # A target close by, as a direction: what lies far behind it is in the picture all the same
+    large = scenes.scene((scenes.rectangle((-9e3, -9e3, -5e3), (2e4, 0, 0), (0, 2e4, 0)),), (Material(),))
+    found = camera_description(Camera(eye=(0, 0, 0), target=(0, 0, -1)), (64, 32), large)
+    assert found["near_clip"] < 5e3 < found["far_clip"]

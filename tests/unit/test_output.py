@@ -180,3 +180,11 @@ def test_a_link_is_followed(tmp_path):
     output.write_png(output.check_target(link, SUFFIXES), RGB8)
     assert link.is_symlink()
     assert (tmp_path / "real" / "b.png").is_file()
+
+
+def test_a_working_directory_that_is_gone_is_a_clear_line(tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(UserError, match="the working directory"):
+        output.working_folder()

@@ -179,3 +179,9 @@ def test_sides_of_shadow_maps_are_powers_of_two():
     with pytest.raises(UserError, match="power of two"):
         info.check(3000)
     assert [info.nearest(place) for place in (128, 200, 3000, 8192)] == [128, 256, 4096, 8192]
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path):
+    """As Notepad and PowerShell write it."""
+    (tmp_path / "a.toml").write_bytes(b"\xef\xbb\xbfsamples = 7\n")
+    assert load_settings(tmp_path / "a.toml").samples == 7

@@ -12,7 +12,7 @@ from ssil_viewer.app.reference import WindowReference
 from ssil_viewer.app.state import AppState, ReferenceKind
 from ssil_viewer.reference.gpu_pictures import Scale
 
-CHOICES: dict[ReferenceKind, str] = {"off": "None", "R1": "R1: sum over all pixels",
+CHOICES: dict[ReferenceKind, str] = {"off": "None", "R1": "R1: sum over all texels",
                                      "R2": "R2: sum as far as rays see"}
 """As a menu names them."""
 
@@ -23,8 +23,9 @@ _LABEL_EM = 4.6     # height that the labels take at the bottom
 def draw(state: AppState, actions: Actions) -> None:
     """The part of the panel."""
     reference = actions.reference
-    widgets.label("Compare with (R)", "R1: the sum over all pixels, nothing in between. R2: the same as far as rays "
-                  "against the scene's triangles see it. Both have one bounce, and so has the picture meanwhile.")
+    widgets.label("Compare with (R)", "R1: the sum over all texels of the starting level, nothing in between. R2: the "
+                  "same as far as rays against the scene's triangles see it. Both have one bounce, and so has the "
+                  "picture meanwhile.")
     chosen = widgets.choice("reference", state.reference, get_args(ReferenceKind))
     if chosen != state.reference:
         actions.set_reference(chosen)
