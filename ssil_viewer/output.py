@@ -89,8 +89,12 @@ def check_folder(path: str | os.PathLike[str], replaceable: Callable[[Path], boo
         if not os.access(target.parent, os.W_OK):
             raise UserError("no right to write", shown, "give a folder in a folder of yours")
         beside = _beside(target)
-        beside.mkdir()
-        beside.rmdir()
+        if target.exists():     # Windows moves no folder in which something is open
+            target.rename(beside)
+            beside.rename(target)
+        else:
+            beside.mkdir()
+            beside.rmdir()
     return target
 
 

@@ -353,6 +353,20 @@ def test_folders_that_cannot_be(tmp_path, monkeypatch):
         output.check_folder("new", report.is_report)
 
 
+def test_a_folder_that_cannot_be_moved_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
+    """As on Windows while a table of it is open elsewhere."""
+    target = tmp_path / "out"
+    report.write(target, HEAD, RESULTS[:1])
+
+    def busy(self, to):
+        raise PermissionError(13, "The process cannot access the file because it is being used by another process")
+
+    monkeypatch.setattr(Path, "rename", busy)
+    with pytest.raises(UserError, match="used by another process"):
+        output.check_folder(target, report.is_report)
+    assert names(tmp_path) == {"out"}
+
+
 def test_a_mounted_volume_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(output.os.path, "ismount", lambda path: path == tmp_path / "volume")
     (tmp_path / "volume").mkdir()
