@@ -252,7 +252,7 @@ def _methods(found: list[tuple[str, dict]]) -> list[str]:
              "with the samples that take about the time of SSIL with `--visibility horizon`. Relative RMSE of",
              "the image against R3, its FLIP, and relative RMSE of the irradiance against each reference; ms by",
              f"{first['clock']}. A single level has neither rays nor unseen light, and at most 1024 samples and",
-             "512 texels, so at equal time it stays below ours.", ""]
+             "512 texels, so that its time stays below ours where they should be equal.", ""]
     head = "scene", "method", "samples", "ms", "image", "FLIP", *IRRADIANCE_COLUMNS
     for title, of in (("As they are:", lambda methods: methods["rows"]),
                       ("At equal time:", lambda methods: methods["equal_time"]["rows"])):
