@@ -21,7 +21,7 @@ from ssil_viewer.frame_plan import settings_for
 from ssil_viewer.frame_uniforms import FrameBlock, radius_texels
 from ssil_viewer.gpu.context import Capabilities, create_headless_context
 from ssil_viewer.gpu.environment_maps import EnvironmentMaps
-from ssil_viewer.gpu.light_table import LightTable
+from ssil_viewer.gpu.light_table import SMALLEST_TILE, LightTable
 from ssil_viewer.gpu.scene_buffers import GpuScene
 from ssil_viewer.gpu.scene_draw import SceneDrawer
 from ssil_viewer.gpu.scene_rays import RayTables, SceneRays
@@ -39,7 +39,9 @@ from ssil_viewer.settings import Settings
 
 # Sides are halved until they are below this: what is drawn does not matter, and costs nothing then
 _LARGE = 256
-_SHADOW_RESOLUTION = 128
+# At the most. The least of which no light's tile is held up by the smallest one: so the atlas has the proportions of
+# the real one, and is a power of two high where that is, for which llvmpipe has programs of its own
+_SHADOW_RESOLUTION = 8 * SMALLEST_TILE
 
 
 @contextmanager
@@ -154,7 +156,7 @@ class Ahead:
 
     def compile_on(self, context: moderngl.Context) -> None:
         """As `compile`, on this context."""
-        settings = replace(self._settings, shadow_resolution=_SHADOW_RESOLUTION)
+        settings = replace(self._settings, shadow_resolution=min(self._settings.shadow_resolution, _SHADOW_RESOLUTION))
         # Whether anything is glossy is known when the scene is there
         runner = PassRunner(context, self._passes, same_programs_size(self._size), replace(settings, glossy_samples=0),
                             keep=self._keep, timed=False)

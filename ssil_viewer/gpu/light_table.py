@@ -27,7 +27,7 @@ LIGHT_TABLES = {"lights": FLOAT_TABLE, "shadow_tiles": FLOAT_TABLE, "shadow_atla
 LIGHT_TEXELS = 5
 TILE_TEXELS = 7
 _KINDS = {"directional": 0, "point": 1, "spot": 2, "rectangle": 3, "disc": 4, "sphere": 5}
-_SMALLEST_TILE = 64
+SMALLEST_TILE = 64
 # Faces of a point light in the order that shaders/lib/lights.glsl selects them: forward, up
 _FACES = (((1, 0, 0), (0, 1, 0)), ((-1, 0, 0), (0, 1, 0)), ((0, 1, 0), (0, 0, 1)),
           ((0, -1, 0), (0, 0, 1)), ((0, 0, 1), (0, 1, 0)), ((0, 0, -1), (0, 1, 0)))
@@ -199,7 +199,7 @@ class LightTable:
     @staticmethod
     def _tile_sides(lights: Sequence[Light], resolution: int, max_size: int, area_samples: int) -> list[list[int]]:
         """Sides of each light's tiles. All are halved until they fit two directional maps' area; lights
-        that would get less than `_SMALLEST_TILE` go without, the last ones first."""
+        that would get less than `SMALLEST_TILE` go without, the last ones first."""
         relative = {"directional": (1, 1), "spot": (4, 1), "point": (8, 6)}
         relative |= {light.kind: (8, TILES_PER_POINT * point_count(light, area_samples))
                      for light in lights if light.is_area}
@@ -207,12 +207,12 @@ class LightTable:
         budget, largest = min(2 * resolution**2, side_limit**2), _floor_power_of_two(min(resolution, side_limit))
         scale = 1
         while True:
-            sides = [[max(largest // (relative[x.kind][0] * scale), _SMALLEST_TILE)] * relative[x.kind][1]
+            sides = [[max(largest // (relative[x.kind][0] * scale), SMALLEST_TILE)] * relative[x.kind][1]
                      if x.cast_shadow else [] for x in lights]
             over = sum(s * s for light_sides in sides for s in light_sides) - budget
             if over <= 0:
                 return sides
-            if scale * 2 * _SMALLEST_TILE > resolution:
+            if scale * 2 * SMALLEST_TILE > resolution:
                 break
             scale *= 2
         for light_sides in reversed(sides):
